@@ -1,0 +1,76 @@
+"""qualrl: from an occupancy map to a hybrid MDP and an explained plan.
+
+    import qualrl
+    regions = qualrl.segment(qualrl.read_map("maps/office.yaml"))
+    model = qualrl.build(regions, goal="room C", gamma=0.999)
+    print(qualrl.plan(model, start="room A").explain())
+
+Importing the package is light: each name loads what it needs when it is first used.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from qualrl.api import Training, build, plan, train
+    from qualrl.errors import QualrlError
+    from qualrl.io.read_map import read_map
+    from qualrl.io.scenario import Scenario, load_scenario
+    from qualrl.models.grid_world import GridWorld
+    from qualrl.models.hybrid_mdp import HybridMDP
+    from qualrl.models.tabular_mdp import TabularMDP
+    from qualrl.planning.plan import Plan
+    from qualrl.spatial.occupancy_grid import OccupancyGrid
+    from qualrl.spatial.region_map import RegionMap
+    from qualrl.spatial.segmentation import segment
+
+_HOME = {
+    "Training": "api",
+    "build": "api",
+    "plan": "api",
+    "train": "api",
+    "QualrlError": "errors",
+    "read_map": "io.read_map",
+    "Scenario": "io.scenario",
+    "load_scenario": "io.scenario",
+    "GridWorld": "models.grid_world",
+    "HybridMDP": "models.hybrid_mdp",
+    "TabularMDP": "models.tabular_mdp",
+    "Plan": "planning.plan",
+    "OccupancyGrid": "spatial.occupancy_grid",
+    "RegionMap": "spatial.region_map",
+    "segment": "spatial.segmentation",
+}
+
+__all__ = [
+    "GridWorld",
+    "HybridMDP",
+    "OccupancyGrid",
+    "Plan",
+    "QualrlError",
+    "RegionMap",
+    "Scenario",
+    "TabularMDP",
+    "Training",
+    "__version__",
+    "build",
+    "load_scenario",
+    "plan",
+    "read_map",
+    "segment",
+    "train",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'qualrl' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"qualrl.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,163 @@
+"""The verbs of the library: read_map, segment, build, train, plan (and load_scenario, from ``io``)."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from typing import Any
+
+from qualrl.errors import SettingError, UnknownNameError, did_you_mean
+from qualrl.learning.run import LearningRun
+from qualrl.learning.settings import LearnSettings, setting_names
+from qualrl.learning.trainer import Milestone
+from qualrl.learning.trainer import train as run_learner
+from qualrl.models.hybrid_mdp import HybridMDP, hybrid_mdp
+from qualrl.planning.plan import Plan
+from qualrl.planning.planner import plan_exactly, plan_from_run
+from qualrl.spatial.place import Place, read_place
+from qualrl.spatial.region_map import RegionMap
+
+PlaceLike = str | int | tuple[float, float] | list[float] | Place
+"""A name, [row, column] in whole numbers, [x, y] in metres with a decimal point, "120,45", "3.5,2.0", or, for a
+model without a map, the number of a state."""
+
+
+class Training(LearningRun):
+    """A finished learning run, and the plans that come out of it."""
+
+    def plan(self, start: PlaceLike | None = None) -> Plan:
+        """The plan that what was learned gives from a start (by default the model's own).
+
+        Where the learned values do not lead to the goal, the plan is the exact one and its notes say so.
+        """
+        state, name = _start(self.model, start)
+        return plan_from_run(self, state, (name, goal_name(self.model)))
+
+
+def build(
+    regions: RegionMap,
+    goal: PlaceLike,
+    *,
+    start: PlaceLike | None = None,
+    gamma: float = 0.9,
+    slip: float = 0.0,
+    directions: int = 4,
+    step_reward: float = -1.0,
+    goal_reward: float = 100.0,
+    names: Mapping[str, str] | None = None,
+) -> HybridMDP:
+    """The hybrid MDP of a map: reach ``goal``, at ``step_reward`` a step and ``goal_reward`` at the goal.
+
+    A region's name means its centre.  start=None lets every episode start at random.  names renames regions,
+    doorways and landmarks first, so goal and start use the new names.
+    Raises UnknownNameError, PlaceError or SettingError.
+    """
+    renamed = regions.renamed(names) if names else regions
+    return hybrid_mdp(
+        renamed,
+        read_place(goal),
+        start=None if start is None else read_place(start),
+        gamma=gamma,
+        slip=slip,
+        directions=directions,
+        step_reward=step_reward,
+        goal_reward=goal_reward,
+    )
+
+
+def train(
+    model: HybridMDP,
+    algorithm: str = "hql",
+    *,
+    seed: int = 0,
+    watch: Callable[[Milestone], None] | None = None,
+    **settings: Any,
+) -> Training:
+    """Learn a model.  settings: episodes, alpha, epsilon, max_steps, eta0, eta_power, eta_counter.
+
+    ``watch`` is called about ten times a second.  The same seed gives the same result.
+    Raises UnknownNameError for an unknown algorithm or setting, SettingError, or NoPlanError.
+    """
+    known = setting_names()
+    for name in settings:
+        if name not in known:
+            raise UnknownNameError(f"no setting is called {name!r}; {did_you_mean(name, known)}")
+    return training_of(run_learner(model, algorithm, LearnSettings(**settings), seed, watch))
+
+
+def training_of(run: LearningRun) -> Training:
+    """A run that can plan."""
+    return Training(**{field.name: getattr(run, field.name) for field in fields(run)})
+
+
+def plan(
+    source: HybridMDP | Training, start: PlaceLike | None = None, *, goal: PlaceLike | None = None, exact: bool = False
+) -> Plan:
+    """A plan: the exact one of a model, or of a training what was learned unless ``exact``.
+
+    Another goal than the model's own is always solved exactly, since values learned for one goal say
+    nothing of another.  Raises NoPlanError when no way leads there.
+    """
+    model = source.model if isinstance(source, Training) else source
+    if goal is not None and (other := _with_goal(model, goal)) is not None:
+        state, name = _start(other, start)
+        notes = ["Note: another goal than was learned, so this plan is the exact one."] * isinstance(source, Training)
+        return plan_exactly(other, state, (name, _name(goal)), notes=notes)
+    if isinstance(source, Training) and not exact:
+        return source.plan(start)
+    state, name = _start(model, start)
+    solved = source.exact if isinstance(source, Training) else None
+    return plan_exactly(model, state, (name, goal_name(model) if goal is None else _name(goal)), exact=solved)
+
+
+def goal_name(model: HybridMDP) -> str:
+    """What to call the goal: the region whose centre it is, or its cell, or "the goal" without a map."""
+    return "the goal" if model.regions is None else _cell_name(model, model.grid.goal)
+
+
+def _with_goal(model: HybridMDP, goal: PlaceLike) -> HybridMDP | None:
+    """The same model with another goal; None when it is the same one."""
+    if model.regions is None:
+        raise SettingError("another goal needs a model with a map")
+    world = model.grid
+    if model.state_at(read_place(goal)) == world.goal:
+        return None
+    start = None if model.start is None else read_place(model.cell_of(model.start))
+    return hybrid_mdp(
+        model.regions, read_place(goal), start=start, gamma=world.gamma, slip=world.slip,
+        directions=world.directions, step_reward=world.step_reward, goal_reward=world.goal_reward,
+    )  # fmt: skip
+
+
+def _start(model: HybridMDP, start: PlaceLike | None) -> tuple[int, str]:
+    """State and name of a start."""
+    if start is None:
+        if model.start is None:
+            raise SettingError("say where to start: this model has no start of its own")
+        return model.start, _cell_name(model, model.start) if model.regions else model.describe(model.start)
+    if isinstance(start, int):
+        if not 0 <= start < len(model):
+            raise SettingError(f"there are states 0 to {len(model) - 1}, got {start}")
+        return start, model.describe(start)
+    return model.state_at(read_place(start)), _name(start)
+
+
+def _name(place: PlaceLike) -> str:
+    return str(read_place(place))
+
+
+def _cell_name(model: HybridMDP, state: int) -> str:
+    """The name of a place at a state's cell, or else the cell itself."""
+    assert model.regions is not None
+    cell = model.cell_of(state)
+    for region in model.regions.regions:
+        if region.centre == cell:
+            return region.name
+    return f"row {cell[0]}, column {cell[1]} in {model.region_names[model.region_of[state]]}"
+
+
+def farthest_start(model: HybridMDP) -> str:
+    """The region whose centre is the longest walk from the goal: where to plan from when no start is given."""
+    if model.regions is None:
+        raise SettingError("a model without a map has no walks; say where to start")
+    world = model.grid
+    regions = model.regions.regions
+    return max(regions, key=lambda region: int(world.steps_to_goal[world.state_of[region.centre]])).name

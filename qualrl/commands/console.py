@@ -1,0 +1,72 @@
+"""What the command prints: results on stdout, everything else on stderr."""
+
+import functools
+import json
+import sys
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ParamSpec
+
+import typer
+
+from qualrl.errors import QualrlError
+
+Parameters = ParamSpec("Parameters")
+
+OUR_FAULT = 3
+
+
+@dataclass(frozen=True)
+class Console:
+    """How one call of the command was asked to speak."""
+
+    as_json: bool
+    quiet: bool
+
+    def result(self, document: dict[str, Any], show: Callable[[], None]) -> None:
+        """The result: the JSON document alone, or for people (unless quiet)."""
+        if self.as_json:
+            print(json.dumps(document, ensure_ascii=False))
+        elif not self.quiet:
+            show()
+
+    def note(self, text: str) -> None:
+        """A remark on stderr."""
+        if not self.quiet:
+            print(f"qualrl: {text}", file=sys.stderr)
+
+
+def guarded(command: Callable[Parameters, None]) -> Callable[Parameters, None]:
+    """Turn errors into one clear line and an exit code; with --debug show where they arose."""
+
+    @functools.wraps(command)
+    def run(*args: Parameters.args, **kwargs: Parameters.kwargs) -> None:
+        try:
+            command(*args, **kwargs)
+        except QualrlError as error:
+            _report(f"qualrl: {error}", kwargs)
+            raise typer.Exit(error.exit_code) from None
+        except BrokenPipeError:
+            sys.stderr.close()  # whoever read us has gone; nothing is left to say
+            raise typer.Exit(1) from None
+        except MemoryError:
+            _report("qualrl: this does not fit into memory; use a smaller map or a coarser one", kwargs)
+            raise typer.Exit(2) from None
+        except (typer.Exit, typer.Abort, KeyboardInterrupt):
+            raise
+        except Exception as error:
+            if type(error).__module__.startswith(("click", "typer")):
+                raise
+            _report(
+                f"qualrl: our fault: {type(error).__name__}: {error}; please report it, with --debug's output", kwargs
+            )
+            raise typer.Exit(OUR_FAULT) from None
+
+    return run
+
+
+def _report(line: str, options: dict[str, Any]) -> None:
+    if options.get("debug"):
+        traceback.print_exc()
+    print(line, file=sys.stderr)

@@ -1,0 +1,55 @@
+"""``qualrl convert``: a map becomes regions, a graph, a hybrid MDP and a scenario to edit."""
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from qualrl.commands.console import Console, guarded
+from qualrl.commands.options import AsJson, Debug, Output, Quiet
+
+
+@guarded
+def convert(
+    source: Annotated[str, typer.Argument(metavar="MAP", help="A map: image, ROS map YAML, or MovingAI .map.")],
+    output: Output = None,
+    resolution_m: Annotated[
+        float | None, typer.Option("--resolution", help="Metres a pixel, for an image without a map YAML.")
+    ] = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Turn a map into a hybrid MDP, with pictures, graph files and a scenario ready to edit and run."""
+    from qualrl.commands.documents import file_list, map_document
+    from qualrl.commands.inputs import found, output_folder
+    from qualrl.commands.results import write_map_files
+    from qualrl.commands.tables import print_files, print_map
+    from qualrl.io.output_folder import OutputFolder
+    from qualrl.io.read_map import read_map
+    from qualrl.io.suggestion import suggested_scenario
+    from qualrl.spatial.segmentation import segment
+
+    console = Console(as_json, quiet)
+    path = found(source, ".yaml")
+    regions = segment(read_map(path, resolution_m=resolution_m))
+    for warning in regions.grid.warnings:
+        console.note(f"{regions.grid.source}: {warning}")
+    target = output_folder(output, path)
+    scenario = suggested_scenario(regions, _map_from(path, target), resolution_m)
+    model = scenario.build(regions)
+    with OutputFolder(target) as folder:
+        names = write_map_files(folder, model, scenario)
+    document = {**map_document(regions, model.graph), "files": file_list(target, names)}
+
+    def for_people() -> None:
+        print_map(regions)
+        print_files(target, names)
+
+    console.result(document, for_people)
+
+
+def _map_from(path: Path, folder: Path) -> str:
+    """The map's path as seen from the folder that the scenario will lie in."""
+    return os.path.relpath(path.resolve(), folder.resolve())

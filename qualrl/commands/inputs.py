@@ -1,0 +1,66 @@
+"""From what stands on the command line to a scenario, a map or a result folder."""
+
+from pathlib import Path
+
+import qualrl
+from qualrl.errors import ScenarioError
+from qualrl.io.scenario import Scenario, load_scenario
+
+SCENARIO_SUFFIX = ".scenario.yaml"
+
+
+def bundled_folder() -> Path:
+    """Where the bundled maps lie: inside the package, or beside it in a checkout."""
+    inside = Path(qualrl.__file__).parent / "maps"
+    return inside if inside.is_dir() else inside.parent.parent / "maps"
+
+
+def found(argument: str, suffix: str) -> Path:
+    """The file or folder an argument names; what is not there may be a bundled file, with or without its suffix."""
+    path = Path(argument)
+    if path.exists():
+        return path
+    name = argument.removeprefix("maps/")
+    if "/" not in name and "\\" not in name:
+        for candidate in (name, name + suffix):
+            if candidate and (bundled_folder() / candidate).is_file():
+                return bundled_folder() / candidate
+    return path
+
+
+def is_scenario(path: Path) -> bool:
+    """Whether a file is a scenario rather than a map: by its name, or by its having a goal and no image."""
+    if path.name.endswith(SCENARIO_SUFFIX) or path.name == "scenario.yaml":
+        return True
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        return False
+    from qualrl.io.positioned_yaml import read_yaml
+
+    data = read_yaml(path, what="scenario or map", error=ScenarioError).data
+    return isinstance(data, dict) and "goal" in data and "image" not in data
+
+
+def scenario_of(
+    argument: str,
+    settings: list[str] | None = None,
+    algorithm: str | None = None,
+    episodes: int | None = None,
+    seed: int | None = None,
+) -> Scenario:
+    """The scenario of a command line: the file, then --set, then the options that have a name of their own."""
+    scenario = load_scenario(found(argument, SCENARIO_SUFFIX))
+    changes = list(settings or [])
+    changes += [] if algorithm is None else [f"learn.algorithm={algorithm}"]
+    changes += [] if episodes is None else [f"learn.episodes={episodes}"]
+    changes += [] if seed is None else [f"seed={seed}"]
+    return scenario.with_settings(changes) if changes else scenario
+
+
+def name_of(path: Path) -> str:
+    """A short name for results: the file's name without its suffixes."""
+    return path.name.removesuffix(SCENARIO_SUFFIX) if path.name.endswith(SCENARIO_SUFFIX) else path.stem
+
+
+def output_folder(asked: Path | None, source: Path) -> Path:
+    """The folder for results: as asked, or results/NAME."""
+    return asked or Path("results") / name_of(source)

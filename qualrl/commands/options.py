@@ -1,0 +1,21 @@
+"""Options that several commands share."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors (and JSON, if asked).")]
+Debug = Annotated[bool, typer.Option("--debug", help="On an error, also show where in the program it arose.")]
+Output = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results [default: results/NAME].")
+]
+ScenarioFile = Annotated[str, typer.Argument(metavar="SCENARIO", help="A scenario file, or the name of a bundled one.")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change any setting of the scenario, as learn.alpha=0.05."),
+]
+Algorithm = Annotated[str | None, typer.Option("--algorithm", help="The learner: q-learning or hql.")]
+Episodes = Annotated[int | None, typer.Option("--episodes", help="How many episodes to learn.")]
+Seed = Annotated[int | None, typer.Option("--seed", help="Seed of the random stream.")]

@@ -1,0 +1,64 @@
+"""``qualrl plan``: a plan between any two places."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from qualrl.commands.console import Console, guarded
+from qualrl.commands.options import AsJson, Debug, Quiet, Settings
+
+if TYPE_CHECKING:
+    from qualrl.api import Training
+    from qualrl.models.hybrid_mdp import HybridMDP
+
+Place = "a name, row,col in whole numbers, or x,y in metres with a decimal point"
+
+
+@guarded
+def plan(
+    source: Annotated[
+        str, typer.Argument(metavar="SCENARIO_OR_DIR", help="A scenario, or a folder that learn or run wrote.")
+    ],
+    start: Annotated[str | None, typer.Option("--from", metavar="PLACE", help=f"Where to start: {Place}.")] = None,
+    goal: Annotated[str | None, typer.Option("--to", metavar="PLACE", help=f"Where to go: {Place}.")] = None,
+    exact: Annotated[bool, typer.Option("--exact", help="Use exact values, not what was learned.")] = False,
+    settings: Settings = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Plan between two places, from what was learned or exactly, and say why each step is taken."""
+    from qualrl import api
+    from qualrl.commands.inputs import SCENARIO_SUFFIX, found, scenario_of
+    from qualrl.commands.tables import print_plan
+
+    console = Console(as_json, quiet)
+    path = found(source, SCENARIO_SUFFIX)
+    if path.is_dir():
+        known = _from_folder(path, settings)
+    else:
+        scenario = scenario_of(source, settings)
+        known = scenario.build()
+    if not isinstance(known, api.Training) and not exact:
+        console.note("nothing has been learned here yet, so the plan is the exact one; 'qualrl run' learns first")
+    made = api.plan(known, start, goal=goal, exact=exact)
+    console.result(made.to_dict(), lambda: print_plan(made))
+
+
+def _from_folder(folder: Path, settings: list[str] | None) -> "HybridMDP | Training":
+    """The training of a result folder, or its model when nothing was learned there."""
+    from qualrl import api
+    from qualrl.commands.results import MODEL_FILE, TRAINING_FILE
+    from qualrl.errors import ScenarioError
+    from qualrl.io.model_file import read_model
+    from qualrl.io.training_file import read_run
+
+    if settings:
+        raise ScenarioError("--set changes a scenario; a result folder stays as it is")
+    if not (folder / MODEL_FILE).is_file():
+        raise ScenarioError(f"{folder}: holds no {MODEL_FILE}; name a scenario, or a folder that qualrl wrote")
+    model = read_model(folder / MODEL_FILE)
+    if not (folder / TRAINING_FILE).is_file():
+        return model
+    return api.training_of(read_run(folder / TRAINING_FILE, model))

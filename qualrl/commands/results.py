@@ -1,0 +1,42 @@
+"""The files of a result folder."""
+
+from qualrl.api import Training
+from qualrl.io.graph_file import write_graph_json, write_graphml
+from qualrl.io.label_image import write_label_image
+from qualrl.io.model_file import write_model
+from qualrl.io.output_folder import OutputFolder
+from qualrl.io.scenario import Scenario, dump_scenario
+from qualrl.io.training_file import write_run
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.planning.plan import Plan
+from qualrl.report.learning_curve import draw_learning_curve
+from qualrl.report.overlay import draw_overlay
+
+MODEL_FILE, TRAINING_FILE, SCENARIO_FILE = "hybrid_mdp.npz", "training.npz", "scenario.yaml"
+
+
+def write_map_files(folder: OutputFolder, model: HybridMDP, scenario: Scenario, plan: Plan | None = None) -> list[str]:
+    """Write what ``convert`` writes; the overlay shows the plan's path if there is one.  Returns the names."""
+    assert model.regions is not None
+    write_label_image(model.regions.label, folder.path("regions.png"))
+    draw_overlay(model.regions, folder.path("overlay.png"), path=plan.path if plan else (), title=_title(plan))
+    write_graph_json(model.graph, folder.path("graph.json"))
+    write_graphml(model.graph, folder.path("graph.graphml"))
+    write_model(model, folder.path(MODEL_FILE))
+    folder.path(SCENARIO_FILE).write_text(dump_scenario(scenario), encoding="utf-8")
+    return ["regions.png", "overlay.png", "graph.json", "graph.graphml", MODEL_FILE, SCENARIO_FILE]
+
+
+def write_learning_files(folder: OutputFolder, training: Training, document: str) -> list[str]:
+    """Write what was learned.  document: the JSON text of the run."""
+    write_run(training, folder.path(TRAINING_FILE))
+    folder.path("learn.json").write_text(document + "\n", encoding="utf-8")
+    draw_learning_curve(training, folder.path("learning_curve.png"))
+    return [TRAINING_FILE, "learn.json", "learning_curve.png"]
+
+
+def _title(plan: Plan | None) -> str:
+    if plan is None:
+        return ""
+    length = f"{plan.length_steps} steps" + ("" if plan.length_m is None else f", {plan.length_m:.2f} m")
+    return f"{' → '.join(plan.places)}   ({length})"

@@ -1,0 +1,99 @@
+"""Results for people: tables and text on stdout."""
+
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from qualrl.learning.run import LearningRun
+from qualrl.planning.plan import Plan
+from qualrl.spatial.region_map import RegionMap
+
+MOST_ROWS = 40
+
+
+def print_map(regions: RegionMap) -> None:
+    """Size, regions with areas, and doorways of a map."""
+    grid = regions.grid
+    height, width = grid.shape
+    free = int(grid.free.sum())
+    unknown = int((~grid.free & ~grid.occupied).sum())
+    out = Console(highlight=False)
+    out.print(
+        f"{grid.source or 'map'}: {width} x {height} cells of {grid.resolution_m:g} m "
+        f"({width * grid.resolution_m:g} x {height * grid.resolution_m:g} m), "
+        f"{free} free ({free * grid.resolution_m**2:.1f} m2), {unknown} unknown",
+        markup=False, soft_wrap=True,
+    )  # fmt: skip
+    if grid.origin != (0.0, 0.0, 0.0):
+        x_m, y_m, yaw_rad = grid.origin
+        out.print(f"lower-left corner at x {x_m:g} m, y {y_m:g} m, turned by {yaw_rad:g} rad", markup=False)
+    _print_regions(out, regions)
+    _print_doors(out, regions)
+    counts: dict[str, int] = {}
+    for mark in regions.landmarks:
+        counts[mark.kind] = counts.get(mark.kind, 0) + 1
+    out.print("landmarks: " + (", ".join(f"{count} {kind}" for kind, count in counts.items()) or "none"), markup=False)
+
+
+def _print_regions(out: Console, regions: RegionMap) -> None:
+    named = [region for region in regions.regions if region.kind != "pocket"]
+    table = Table("region", "kind", title=f"{len(named)} regions", title_justify="left")
+    for heading in ("area [m2]", "cells", "centre row,col", "doors"):
+        table.add_column(heading, justify="right")
+    for index, region in enumerate(named[:MOST_ROWS]):
+        doors = sum(index in door.pair for door in regions.doorways)
+        row, column = region.centre
+        table.add_row(
+            Text(region.name), region.kind, f"{region.area_m2:.2f}", str(region.cells), f"{row},{column}", str(doors)
+        )
+    out.print(table)
+    _print_rest(out, len(named), "regions")
+    pockets = [region for region in regions.regions if region.kind == "pocket"]
+    if pockets:
+        area_m2 = sum(region.area_m2 for region in pockets)
+        out.print(f"and {len(pockets)} pockets of free cells that lead nowhere ({area_m2:.2f} m2 together)")
+
+
+def _print_doors(out: Console, regions: RegionMap) -> None:
+    if not regions.doorways:
+        out.print("no doorways")
+        return
+    table = Table("doorway", "between", "and", title=f"{len(regions.doorways)} doorways", title_justify="left")
+    table.add_column("width [m]", justify="right")
+    names = regions.region_names
+    for door in regions.doorways[:MOST_ROWS]:
+        table.add_row(Text(door.name), Text(names[door.pair[0]]), Text(names[door.pair[1]]), f"{door.width_m:.2f}")
+    out.print(table)
+    _print_rest(out, len(regions.doorways), "doorways")
+
+
+def _print_rest(out: Console, count: int, what: str) -> None:
+    if count > MOST_ROWS:
+        out.print(f"and {count - MOST_ROWS} more {what} (--json lists all)")
+
+
+def print_learning(run: LearningRun) -> None:
+    """How a run went, beside the optimum."""
+    learned = "does not reach the goal yet" if run.greedy_steps is None else f"{run.greedy_steps} steps"
+    lines = [
+        f"{run.algorithm}: {len(run.steps)} episodes with seed {run.seed}, "
+        f"{run.total_steps:,} steps in {run.seconds:.1f} s"
+    ]
+    if run.model.start is not None:
+        lines.append(f"learned policy: {learned}; optimum: {run.optimal_steps} steps")
+        learned_value, exact = run.q[run.model.start].max(), run.exact_values[run.model.start]
+        lines.append(f"value of the start: {learned_value:.6g} learned, {exact:.6g} exact")
+    lines.append(f"largest error of any value, seldom seen states included: {run.max_error:.4g}")
+    Console(highlight=False).print("\n".join(lines), markup=False, soft_wrap=True)
+
+
+def print_plan(plan: Plan) -> None:
+    """A plan in words."""
+    Console(highlight=False).print(plan.explain(), markup=False, soft_wrap=True)
+
+
+def print_files(folder: Path, names: list[str]) -> None:
+    """What was written."""
+    Console(highlight=False).print(f"written to {folder}: {', '.join(names)}", markup=False, soft_wrap=True)

@@ -1,0 +1,154 @@
+"""Hybrid MDPs as one .npz file: plain arrays and one JSON text; nothing in it can run code.
+
+Arrays of a model with a map: ``label`` and ``occupied`` (H, W), ``door_cells`` and ``mark_cells`` (N, 2) with
+``door_ends`` and ``mark_ends`` saying where each one's cells end.  Without a map: the fields of TabularMDP and
+``region_of``.  ``about`` is the JSON text with names and numbers.
+"""
+
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.errors import MapError, QualrlError
+from qualrl.models.hybrid_mdp import HybridMDP, hybrid_mdp
+from qualrl.models.tabular_mdp import TabularMDP
+from qualrl.spatial.occupancy_grid import OccupancyGrid
+from qualrl.spatial.place import PlaceCell
+from qualrl.spatial.region_map import Doorway, Landmark, Region, RegionMap
+
+FORMAT = "qualrl-hybrid-mdp/1"
+MOST_BYTES = 8 * 2**30
+"""A file that would unpack to more than this is refused."""
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def write_model(model: HybridMDP, file: Path) -> None:
+    """Write a model to .npz."""
+    about, arrays = _pack_map(model) if model.regions is not None else _pack_table(model)
+    about |= {"format": FORMAT, "gamma": model.gamma, "start": model.start}
+    write_arrays(file, about, arrays)
+
+
+def read_model(file: Path) -> HybridMDP:
+    """Read a model that ``write_model`` wrote.  Raises MapError for anything else."""
+    about, arrays = read_arrays(file, FORMAT)
+    try:
+        return _unpack_map(about, arrays) if "map" in about else _unpack_table(about, arrays)
+    except (KeyError, IndexError, TypeError, ValueError, QualrlError) as error:
+        raise MapError(f"{file}: not a whole model file ({type(error).__name__}: {error})") from None
+
+
+def write_arrays(file: Path, about: dict[str, Any], arrays: Arrays) -> None:
+    """Write named arrays and one JSON text, compressed, with the same bytes each time."""
+    with open(file, "wb") as stream:
+        np.savez_compressed(stream, about=np.array(json.dumps(about)), **arrays)  # type: ignore[arg-type]
+
+
+def read_arrays(file: Path, expected: str) -> tuple[dict[str, Any], Arrays]:
+    """(about, arrays) of a file that ``write_arrays`` wrote.  Raises MapError for anything else."""
+    try:
+        with zipfile.ZipFile(file) as archive:
+            size = sum(entry.file_size for entry in archive.infolist())
+        if size > MOST_BYTES:
+            raise MapError(f"{file}: would unpack to {size / 2**30:.1f} GiB; at most {MOST_BYTES // 2**30} are read")
+        with np.load(file, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        about = json.loads(str(arrays.pop("about")))
+        if about["format"] != expected:
+            raise MapError(f"{file}: format {about['format']!r}, but this version reads {expected!r}")
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        raise MapError(f"{file}: not a file of qualrl ({error})") from None
+    return about, arrays
+
+
+def _pack_map(model: HybridMDP) -> tuple[dict[str, Any], Arrays]:
+    regions, world = model.regions, model.grid
+    assert regions is not None
+    grid = regions.grid
+    doors, marks = regions.doorways, regions.landmarks
+    about = {
+        "map": {
+            "resolution_m": grid.resolution_m, "origin": grid.origin, "source": grid.source, "sha256": grid.sha256,
+        },
+        "world": {
+            "goal": world.goal_cell, "slip": world.slip, "directions": world.directions,
+            "step_reward": world.step_reward, "goal_reward": world.goal_reward,
+        },
+        "regions": [[r.name, r.kind, r.cells, r.area_m2, r.centroid, r.centre] for r in regions.regions],
+        "doorways": [[d.name, d.pair, d.width_m, d.is_open] for d in doors],
+        "landmarks": [[m.name, m.kind, m.cell, m.regions] for m in marks],
+    }  # fmt: skip
+    arrays = {
+        "label": regions.label,
+        "occupied": grid.occupied,
+        "door_cells": _stacked([door.cells for door in doors]),
+        "door_ends": np.cumsum([len(door.cells) for door in doors], dtype=np.int64),
+        "mark_cells": _stacked([mark.cells for mark in marks]),
+        "mark_ends": np.cumsum([len(mark.cells) for mark in marks], dtype=np.int64),
+    }
+    return about, arrays
+
+
+def _stacked(cells: list[NDArray[np.int32]]) -> NDArray[np.int32]:
+    return np.concatenate([np.zeros((0, 2), np.int32), *cells]).astype(np.int32)
+
+
+def _unpack_map(about: dict[str, Any], arrays: Arrays) -> HybridMDP:
+    label = arrays["label"]
+    place, world = about["map"], about["world"]
+    x_m, y_m, yaw = place["origin"]
+    grid = OccupancyGrid(
+        label >= 0, arrays["occupied"], place["resolution_m"], (x_m, y_m, yaw), place["source"], place["sha256"]
+    )
+    regions = RegionMap(
+        grid,
+        label,
+        tuple(Region(n, k, c, a, (y, x), (row, col)) for n, k, c, a, (y, x), (row, col) in about["regions"]),
+        tuple(
+            Doorway(name, (first, second), cells, width, is_open)
+            for (name, (first, second), width, is_open), cells in zip(
+                about["doorways"], _split(arrays["door_cells"], arrays["door_ends"]), strict=True
+            )
+        ),
+        tuple(
+            Landmark(name, kind, (row, column), cells, tuple(joined))
+            for (name, kind, (row, column), joined), cells in zip(
+                about["landmarks"], _split(arrays["mark_cells"], arrays["mark_ends"]), strict=True
+            )
+        ),
+    )  # fmt: skip
+    model = hybrid_mdp(
+        regions, PlaceCell(*world["goal"]), gamma=about["gamma"], slip=world["slip"],
+        directions=world["directions"], step_reward=world["step_reward"], goal_reward=world["goal_reward"],
+        start=None if about["start"] is None else PlaceCell(*np.argwhere(grid.free)[about["start"]].tolist()),
+    )  # fmt: skip
+    return model
+
+
+def _split(cells: NDArray[Any], ends: NDArray[Any]) -> list[NDArray[Any]]:
+    return np.split(cells, ends[:-1]) if len(ends) else []
+
+
+def _pack_table(model: HybridMDP) -> tuple[dict[str, Any], Arrays]:
+    table = model.world
+    assert isinstance(table, TabularMDP)
+    about = {
+        "actions": table.action_names,
+        "states": table.state_names,
+        "regions": model.region_names,
+    }
+    names = ("row_start", "target", "probability", "reward", "terminal")
+    return about, {name: getattr(table, name) for name in names} | {"region_of": model.region_of}
+
+
+def _unpack_table(about: dict[str, Any], arrays: Arrays) -> HybridMDP:
+    region_of = arrays.pop("region_of")
+    table = TabularMDP(
+        gamma=about["gamma"], action_names=tuple(about["actions"]), state_names=tuple(about["states"]), **arrays
+    )
+    return HybridMDP.from_table(table, [about["regions"][index] for index in region_of], about["start"])

@@ -1,0 +1,316 @@
+"""Scenarios: one YAML file that says which map, from where to where, and how to learn.
+
+Every setting but ``map`` and ``goal`` has a default, so a scenario is complete once those two are there.
+Suffixes are units: ``_m`` metres, ``_m2`` square metres; gamma, alpha, epsilon, eta are the paper's letters.
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    PlainValidator,
+    PrivateAttr,
+    ValidationError,
+    WithJsonSchema,
+)
+
+from qualrl.errors import PlaceError, ScenarioError, shown
+from qualrl.io.positioned_yaml import KeyPath, PositionedYaml, parse_yaml, read_scalar, read_yaml
+from qualrl.io.scenario_errors import dotted, explained
+from qualrl.spatial.place import MOST_CHARACTERS, Place, PlaceCell, PlaceMetres, PlaceName, read_place
+
+if TYPE_CHECKING:  # what builds models is heavy, and loads when a model is built
+    from qualrl.models.hybrid_mdp import HybridMDP
+    from qualrl.spatial.region_map import RegionMap
+
+
+def _whole(value: object) -> object:
+    """1e5 is a whole number too, as in JSON Schema."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def _place(value: object) -> Place:
+    try:
+        return read_place(value)
+    except PlaceError as problem:
+        raise ValueError(str(problem)) from None
+
+
+def _plain_place(place: Place) -> str | list[int] | list[float]:
+    if isinstance(place, PlaceCell):
+        return [place.row, place.column]
+    return [place.x_m, place.y_m] if isinstance(place, PlaceMetres) else place.name
+
+
+def _name(value: str) -> str:
+    place = _place(value)
+    if not isinstance(place, PlaceName):
+        raise ValueError(f"must not read as two numbers, got {value!r}")
+    return value
+
+
+PLACE_SCHEMA = {
+    "anyOf": [
+        {"type": "string", "minLength": 1, "maxLength": MOST_CHARACTERS},
+        {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
+    ]
+}
+Seed = Annotated[int, Field(ge=0, lt=2**63), BeforeValidator(_whole)]
+Count = Annotated[int, Field(ge=1, lt=2**63), BeforeValidator(_whole)]
+PlaceField = Annotated[Place, PlainValidator(_place), PlainSerializer(_plain_place), WithJsonSchema(PLACE_SCHEMA)]
+OldName = Annotated[str, Field(min_length=1, max_length=MOST_CHARACTERS)]
+Name = Annotated[str, Field(min_length=1, max_length=MOST_CHARACTERS), AfterValidator(_name)]
+
+
+class _Strict(BaseModel):
+    """Unknown keys are errors, text is no number, true is no number, and nothing changes afterwards."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class MotionSettings(_Strict):
+    """How the robot moves from cell to cell."""
+
+    directions: Annotated[Literal[4, 8], BeforeValidator(_whole)] = Field(
+        default=4, description="4, or 8 to allow diagonal moves"
+    )
+    slip: float = Field(default=0.0, ge=0, lt=1, description="probability that a move goes astray")
+
+
+class RewardSettings(_Strict):
+    """What the robot is paid."""
+
+    step: float = Field(default=-1.0, lt=0, description="for every step, below 0")
+    goal: float = Field(default=100.0, description="once, for reaching the goal")
+
+
+class SegmentSettings(_Strict):
+    """How the map is cut into regions."""
+
+    min_area_m2: float | None = Field(
+        default=None, gt=0, description="least area of a region; null = chosen from the map"
+    )
+
+
+class LearnSettings(_Strict):
+    """How the robot learns."""
+
+    algorithm: Literal["q-learning", "hql"] = Field(default="hql", description="q-learning, or hql (hierarchical)")
+    episodes: Count = Field(default=2000, description="number of episodes")
+    gamma: float = Field(default=0.99, ge=0, lt=1, description="discount of a step, below 1")
+    alpha: float = Field(default=0.1, gt=0, le=1, description="learning rate")
+    epsilon: float = Field(default=0.1, ge=0, le=1, description="probability of an exploring move")
+    max_steps: Count | None = Field(default=None, description="most steps in an episode; null = no limit set here")
+    eta0: float = Field(default=0.1, ge=0, lt=1, description="first weight of the qualitative level")
+    eta_power: float = Field(default=1.2, gt=1, description="how fast that weight fades (the paper's m), above 1")
+    eta_counter: Literal["run", "pair", "episode"] = Field(
+        default="episode", description="what it fades with: run, pair or episode"
+    )
+
+
+class MadeWith(_Strict):
+    """What a result was made with; written into copies of the scenario beside results."""
+
+    qualrl: str | None = Field(default=None, description="version of qualrl")
+    map_sha256: str | None = Field(default=None, description="SHA-256 of the map image's bytes")
+
+
+class Scenario(_Strict):
+    """A checked scenario. Two are equal when their settings are, wherever they were read from."""
+
+    map: str = Field(min_length=1, description="ROS map YAML, image or MovingAI .map, relative to this file")
+    start: PlaceField | None = Field(
+        default=None, description="a name, [row, column], or [x, y] in metres with a decimal point; null = random"
+    )
+    goal: PlaceField = Field(description="a place, written like start")
+    seed: Seed = Field(default=0, description="the same seed gives the same result")
+    names: dict[OldName, Name] = Field(
+        default={}, description="new names for regions, doorways and landmarks, old: new"
+    )
+    resolution_m: float | None = Field(
+        default=None, gt=0, description="side of a cell, for an image without a map YAML"
+    )
+    motion: MotionSettings = Field(default=MotionSettings(), description="how the robot moves")
+    reward: RewardSettings = Field(default=RewardSettings(), description="what the robot is paid")
+    segment: SegmentSettings = Field(default=SegmentSettings(), description="how the map is cut into regions")
+    learn: LearnSettings = Field(default=LearnSettings(), description="how the robot learns")
+    made_with: MadeWith | None = Field(default=None, description="what a result was made with")
+
+    _path: Path | None = PrivateAttr(None)
+
+    @property
+    def path(self) -> Path | None:
+        """The file this was read from; None for a scenario made in memory."""
+        return self._path
+
+    @property
+    def map_path(self) -> Path:
+        """Where the map lies: relative to the scenario's file, or to the current folder without one."""
+        folder = Path() if self._path is None else self._path.parent
+        return folder / Path(self.map)
+
+    def regions(self) -> "RegionMap":
+        """The map, read, cut into regions and renamed as ``names`` says."""
+        from qualrl.io.read_map import read_map
+        from qualrl.spatial.segmentation import segment
+
+        grid = read_map(self.map_path, resolution_m=self.resolution_m)
+        area_m2 = self.segment.min_area_m2
+        found = segment(grid) if area_m2 is None else segment(grid, min_area_m2=area_m2)
+        return found.renamed(self.names)
+
+    def build(self, regions: "RegionMap | None" = None) -> "HybridMDP":
+        """The hybrid MDP of this scenario; of ``regions`` if they are at hand already, else of its map."""
+        from qualrl.models.hybrid_mdp import hybrid_mdp
+
+        return hybrid_mdp(
+            self.regions() if regions is None else regions,
+            self.goal,
+            start=self.start,
+            gamma=self.learn.gamma,
+            slip=self.motion.slip,
+            directions=self.motion.directions,
+            step_reward=self.reward.step,
+            goal_reward=self.reward.goal,
+        )
+
+    def with_settings(self, settings: Sequence[str]) -> Self:
+        """The same scenario with some settings changed, each "KEY=VALUE" with a dotted key and YAML value.
+
+        >>> Scenario(map="office.yaml", goal="room C").with_settings(["learn.alpha=0.05"]).learn.alpha
+        0.05
+        """
+        data = self.model_dump()
+        asked: dict[KeyPath, str] = {}
+        for setting in settings:
+            key, path, value = _read_setting(setting)
+            asked[path] = f"--set {dotted((key,))}"
+            _put(data, path, value)
+        try:
+            changed = type(self).model_validate(data)
+        except ValidationError as problems:
+            lines = [f"{_asked_at(problem.path, asked)}: {problem.what}" for problem in explained(problems, Scenario)]
+            raise ScenarioError("\n".join(lines)) from None
+        changed._path = self._path
+        return changed
+
+    def __eq__(self, other: object) -> bool:
+        """Whether all settings are equal; dict() leaves out the file."""
+        return isinstance(other, Scenario) and dict(self) == dict(other)
+
+    def __hash__(self) -> int:
+        """Equal scenarios have equal hashes."""
+        return hash((self.map, self.goal, self.seed))
+
+
+def load_scenario(path: str | Path) -> Scenario:
+    """Read and check a scenario file; ScenarioError has one line for each problem, in the file's order."""
+    content = read_yaml(path, what="scenario", error=ScenarioError)
+    scenario = _checked(content)
+    scenario._path = Path(path)
+    return scenario
+
+
+def scenario_schema() -> dict[str, Any]:
+    """The JSON Schema of scenario files, for editors."""
+    schema = Scenario.model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "qualrl scenario"}
+
+
+def dump_scenario(scenario: Scenario) -> str:
+    """Commented YAML that reads back as an equal scenario."""
+    lines = ["# A qualrl scenario: a map, a way to find on it, and how to learn it."]
+    data = scenario.model_dump()
+    for key, field in Scenario.model_fields.items():
+        value, section = data[key], getattr(scenario, key)
+        if key == "made_with" and value is None:
+            continue
+        if not isinstance(value, dict) or not value:
+            lines.append(f"{key}: {_written(value)}  # {field.description}")
+            continue
+        lines.append(f"{key}:  # {field.description}")
+        fields = type(section).model_fields if isinstance(section, BaseModel) else {}
+        for inner, setting in value.items():
+            comment = f"  # {fields[inner].description}" if inner in fields else ""
+            lines.append(f"  {_written(inner)}: {_written(setting)}{comment}")
+    return "\n".join(lines) + "\n"
+
+
+def _checked(content: PositionedYaml) -> Scenario:
+    if not isinstance(content.data, dict):
+        why = "the file is empty" if content.data is None else f"expected keys, got {shown(content.data)}"
+        raise ScenarioError(content.line((), f"{why}; write at least 'map: MAP FILE' and 'goal: PLACE'"))
+    try:
+        return Scenario.model_validate(content.data)
+    except ValidationError as problems:
+        found = explained(problems, Scenario)
+        found.sort(key=lambda problem: content.position(problem.where, of_key=problem.of_key))
+        lines = [
+            content.line(problem.where, f"{dotted(problem.path)}: {problem.what}", of_key=problem.of_key)
+            for problem in found
+        ]
+        raise ScenarioError("\n".join(lines)) from None
+
+
+def _read_setting(setting: str) -> tuple[str, KeyPath, object]:
+    """The dotted key as given, its path, and the value."""
+    key, equals, text = setting.partition("=")
+    key = key.strip()
+    if not equals or not key:
+        raise ScenarioError(f"--set {dotted((setting,))}: expected KEY=VALUE, for example learn.alpha=0.1")
+    section, _, rest = key.partition(".")  # what stands in names is a name, dots and all
+    path = (section, rest) if section == "names" and rest else tuple(key.split("."))
+    return key, path, parse_yaml(text, f"--set {dotted((key,))}", error=ScenarioError).data
+
+
+def _put(data: dict[str, Any], path: KeyPath, value: object) -> None:
+    *sections, last = path
+    for section in sections:
+        if not isinstance(data.get(str(section)), dict):
+            data[str(section)] = {}
+        data = data[str(section)]
+    data[str(last)] = value
+
+
+def _asked_at(path: KeyPath, asked: dict[KeyPath, str]) -> str:
+    """The --set that led to a problem at ``path``; the last one, as later ones win."""
+    for asked_path, told in reversed(asked.items()):
+        if path[: len(asked_path)] == asked_path:
+            return told
+        if asked_path[: len(path)] == path:
+            return f"{told}: {dotted(path)}"
+    return dotted(path)
+
+
+PLAIN = re.compile(r"[A-Za-z]([A-Za-z0-9_./ -]*[A-Za-z0-9_./-])?")
+OTHER_READERS_TWIST = frozenset({"y", "n", "yes", "no", "on", "off"})
+ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
+
+
+def _written(value: object) -> str:
+    """A value as YAML on one line."""
+    if value is None:
+        return "null"
+    if isinstance(value, str):
+        plain = PLAIN.fullmatch(value) and read_scalar(value) == value and value.lower() not in OTHER_READERS_TWIST
+        return value if plain else '"' + "".join(map(_escaped, value)) + '"'
+    if isinstance(value, list):
+        return f"[{', '.join(map(_written, value))}]"
+    return repr(value)  # whole numbers, floats, and {}
+
+
+def _escaped(character: str) -> str:
+    if character in ESCAPES:
+        return ESCAPES[character]
+    if character.isprintable():
+        return character
+    code = ord(character)
+    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"

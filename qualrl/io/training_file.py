@@ -1,0 +1,38 @@
+"""Learning runs as one .npz file: what was learned, beside the model's own file."""
+
+from pathlib import Path
+
+import numpy as np
+
+from qualrl.errors import MapError, QualrlError
+from qualrl.io.model_file import read_arrays, write_arrays
+from qualrl.learning.run import LearningRun
+from qualrl.learning.settings import LearnSettings
+from qualrl.models.hybrid_mdp import HybridMDP
+
+FORMAT = "qualrl-training/1"
+ARRAYS = ("steps", "returns", "q", "arc_q", "arc_visits")
+
+
+def write_run(run: LearningRun, file: Path) -> None:
+    """Write a run, without its model."""
+    about = {
+        "format": FORMAT, "algorithm": run.algorithm, "seed": run.seed, "seconds": run.seconds,
+        "settings": vars(run.settings),
+    }  # fmt: skip
+    write_arrays(file, about, {name: getattr(run, name) for name in ARRAYS})
+
+
+def read_run(file: Path, model: HybridMDP) -> LearningRun:
+    """Read a run of a model.  Raises MapError when the file is not one, or belongs to another model."""
+    about, arrays = read_arrays(file, FORMAT)
+    try:
+        run = LearningRun(
+            model=model, algorithm=about["algorithm"], seed=about["seed"], seconds=about["seconds"],
+            settings=LearnSettings(**about["settings"]), **{name: arrays[name] for name in ARRAYS},
+        )  # fmt: skip
+    except (KeyError, TypeError, QualrlError) as error:
+        raise MapError(f"{file}: not a whole training file ({type(error).__name__}: {error})") from None
+    if run.q.shape != (len(model), model.world.n_actions) or run.q.dtype != np.float64:
+        raise MapError(f"{file}: holds values of another model ({run.q.shape}); learn again")
+    return run

@@ -1,0 +1,56 @@
+"""Loops over the cells of a grid: where moves lead, and how far places are.
+
+H, W: rows, columns.  S free cells, A directions.  ``state_of`` is (H, W), -1 where not free.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from qualrl.kernels.jit import compiled
+
+
+@compiled
+def successors(state_of: Any, cells: Any, offsets: Any) -> Any:
+    """(S, A) uint32: where each move leads; a move into a wall, or past a corner, leads back.
+
+    offsets (A, 2): row and column of each move.  A diagonal move needs both cells beside it free.
+    """
+    height, width = state_of.shape
+    result = np.empty((cells.shape[0], offsets.shape[0]), np.uint32)
+    for s in range(cells.shape[0]):
+        row, column = cells[s, 0], cells[s, 1]
+        for a in range(offsets.shape[0]):
+            r, c = row + offsets[a, 0], column + offsets[a, 1]
+            result[s, a] = s
+            inside = 0 <= r < height and 0 <= c < width
+            if inside and state_of[r, c] >= 0 and state_of[row, c] >= 0 and state_of[r, column] >= 0:
+                result[s, a] = state_of[r, c]
+    return result
+
+
+@compiled
+def breadth_first(successor: Any, sources: Any) -> Any:
+    """(order, steps): states by distance from the sources, and the number of moves to each, -1 if none leads there.
+
+    On a grid every move can be taken back, so distances from a source are distances to it.
+    """
+    steps = np.full(successor.shape[0], -1, np.int32)
+    order = np.empty(successor.shape[0], np.int64)
+    end = 0
+    for s in sources:
+        if steps[s] < 0:
+            steps[s] = 0
+            order[end] = s
+            end += 1
+    head = 0
+    while head < end:
+        s = order[head]
+        head += 1
+        for a in range(successor.shape[1]):
+            t = successor[s, a]
+            if steps[t] < 0:
+                steps[t] = steps[s] + 1
+                order[end] = t
+                end += 1
+    return order[:end], steps

@@ -1,0 +1,292 @@
+"""The training loop, compiled: one source for every learner that bootstraps after each step.
+
+S states, A actions, L landmarks, E arcs (or table entries).  ``q`` is flat: Q(s, a) is q[s * A + a].
+What a learner or a world does not have is passed as None; numba compiles the loop anew for each
+such combination and drops the branches, so nothing is decided a hundred million times.
+Randomness is xoshiro256++ (Blackman and Vigna 2021) kept in local variables: one stream per seed.
+A call runs a number of steps and leaves everything it needs to go on in its arrays, so a run can be
+watched, stopped and resumed between calls without changing its result.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import int64, uint64
+from numpy.typing import NDArray
+
+from qualrl.kernels.jit import compiled
+
+Floats = NDArray[np.float64]
+
+# Slots of Progress.whole and Progress.real
+STATE, STEPS, EPISODE, LANDMARK, LEFT_AT, LEFT_BY, ETA_STEPS, WHOLE_SLOTS = range(8)
+RETURN, MACRO_RETURN, MACRO_DISCOUNT, REAL_SLOTS = range(4)
+
+COUNT_RUN, COUNT_PAIR, COUNT_EPISODE = range(3)
+
+
+class Grid(NamedTuple):
+    """A grid world without matrices."""
+
+    successor: NDArray[np.uint32]
+    """(S * A,) where each move leads; a blocked move leads back to s."""
+    step_reward: Floats
+    """(A,) reward of a move that does not reach the goal."""
+    goal: int
+    goal_reward: float
+
+
+class Table(NamedTuple):
+    """A tabular MDP in compressed rows: row s * A + a holds entries row_start[row]..row_start[row + 1]."""
+
+    row_start: NDArray[np.int64]
+    target: NDArray[np.uint32]
+    cumulative: Floats
+    """(E,) probabilities summed up within each row."""
+    reward: Floats
+    """(E,) reward of each transition."""
+    terminal: NDArray[np.bool_]
+
+
+class Rates(NamedTuple):
+    """Numbers of the learning rule."""
+
+    alpha: float
+    gamma: float
+    epsilon: float
+    max_steps: int
+
+
+class Upper(NamedTuple):
+    """The level of landmarks: arcs of landmark l are arc_start[l]..arc_start[l + 1]."""
+
+    landmark_of: NDArray[np.int32]
+    """(S,) landmark of each state, -1 for none."""
+    arc_start: NDArray[np.int64]
+    arc_target: NDArray[np.int32]
+    arc_q: Floats
+    """(E,) value of each arc, updated."""
+    arc_visits: NDArray[np.int64]
+    """(E,) how often each arc was travelled, updated."""
+    pair_count: NDArray[np.int64]
+    """(L * A,) how often the landmark step was made for each landmark and action, updated."""
+    eta0: float
+    eta_power: float
+    counter: int
+    """Which count n the weight eta0 ** (eta_power ** n) uses: COUNT_RUN, COUNT_PAIR or COUNT_EPISODE."""
+
+
+class Progress(NamedTuple):
+    """Where a run stands; read and written by each call."""
+
+    stream: NDArray[np.uint64]
+    """(4,) state of the random stream."""
+    whole: NDArray[np.int64]
+    real: Floats
+    steps: NDArray[np.int64]
+    """(episodes,) steps of each finished episode."""
+    returns: Floats
+    """(episodes,) undiscounted sum of rewards of each finished episode."""
+
+
+@compiled
+def _draw(r0: Any, r1: Any, r2: Any, r3: Any) -> Any:
+    w = r0 + r3
+    u = ((w << uint64(23)) | (w >> uint64(41))) + r0
+    t = r1 << uint64(17)
+    r2 ^= r0
+    r3 ^= r1
+    r1 ^= r2
+    r0 ^= r3
+    r2 ^= t
+    return u, r0, r1, r2, (r3 << uint64(45)) | (r3 >> uint64(19))
+
+
+@compiled
+def _below(u: Any, n: Any) -> Any:
+    """A whole number below n from the low 32 bits of a draw."""
+    return ((u & uint64(0xFFFFFFFF)) * uint64(n)) >> uint64(32)
+
+
+@compiled
+def _unit(u: Any) -> Any:
+    """A float in [0, 1) from the high 53 bits of a draw."""
+    return (u >> uint64(11)) * (1.0 / 9007199254740992.0)
+
+
+@compiled
+def _largest(q: Any, row: Any, n_actions: Any) -> Any:
+    best = q[row]
+    for a in range(1, n_actions):
+        value = q[row + uint64(a)]
+        if value > best:
+            best = value
+    return best
+
+
+@compiled
+def _greedy(q: Any, row: Any, n_actions: Any, u: Any) -> Any:
+    """The best action; ties are broken evenly by the draw u."""
+    best = q[row]
+    chosen = uint64(0)
+    ties = 1
+    for a in range(1, n_actions):
+        value = q[row + uint64(a)]
+        if value > best:
+            best = value
+            chosen = uint64(a)
+            ties = 1
+        elif value == best:
+            ties += 1
+    if ties == 1:
+        return chosen
+    skip = int64(_below(u, ties))
+    chosen = uint64(0)
+    while q[row + chosen] != best or skip > 0:
+        if q[row + chosen] == best:
+            skip -= 1
+        chosen += uint64(1)
+    return chosen
+
+
+@compiled
+def _slipped(a: Any, slip: Any, n_actions: Any, u: Any) -> Any:
+    """The move that happens: a, or with probability slip one of the others, each as likely."""
+    x = _unit(u)
+    if x >= slip:
+        return a
+    other = uint64(x / slip * (n_actions - 1))
+    return (a + uint64(1) + min(other, uint64(n_actions - 2))) % uint64(n_actions)
+
+
+@compiled
+def _entry(table: Any, row: Any, u: Any) -> Any:
+    """The table entry of a row that a draw falls on."""
+    x = _unit(u)
+    entry = table.row_start[row]
+    last = table.row_start[row + uint64(1)] - 1
+    while entry < last and x >= table.cumulative[entry]:
+        entry += 1
+    return entry
+
+
+@compiled
+def _best_arc(upper: Any, landmark: Any) -> Any:
+    """The largest value among the travelled arcs of a landmark; 0 if none was travelled yet."""
+    best = -np.inf
+    for arc in range(upper.arc_start[landmark], upper.arc_start[landmark + 1]):
+        if upper.arc_visits[arc] > 0 and upper.arc_q[arc] > best:
+            best = upper.arc_q[arc]
+    return best if best > -np.inf else 0.0
+
+
+@compiled
+def _landmark_step(
+    q: Any, upper: Any, alpha: Any, left: Any, arrived: Any, at: Any, by: Any, n_actions: Any,
+    macro_return: Any, macro_discount: Any, over: Any, eta_steps: Any,
+) -> Any:
+    """Equation (11) for the arc left -> arrived, then step (ii) of Algorithm 2; the new eta count.
+
+    ``at``, ``by``: the state and action of the last departure from landmark ``left``.
+    """
+    arc = upper.arc_start[left]
+    while upper.arc_target[arc] != arrived:
+        arc += 1
+        if arc == upper.arc_start[left + 1]:
+            return eta_steps  # no arc of the model: the two landmarks share no region
+    target = macro_return
+    if not over:
+        target += macro_discount * _best_arc(upper, arrived)
+    upper.arc_visits[arc] += 1
+    upper.arc_q[arc] += alpha * (target - upper.arc_q[arc])
+    pair = left * n_actions + by
+    n = upper.pair_count[pair] if upper.counter == COUNT_PAIR else eta_steps
+    upper.pair_count[pair] += 1
+    eta = upper.eta0 ** (upper.eta_power ** float(n)) if n < 400 else 0.0
+    q[at * n_actions + by] += eta * (upper.arc_q[arc] - q[at * n_actions + by])
+    return eta_steps + 1
+
+
+@compiled
+def run_steps(
+    grid: Any, slip: Any, table: Any, upper: Any, rates: Any, actions: Any, starts: Any, q: Any, progress: Any,
+    n_steps: Any,
+) -> Any:
+    """Run up to n_steps steps of one-step Q-learning, with the landmark level when ``upper`` is given.
+
+    grid: Grid, or None when table: Table is given.  slip: float, or None for moves that never fail.
+    actions: a tuple of A things; only its length counts, so that A is known when the loop is compiled.
+    starts (N,) int64: each episode starts in one of them.  Returns the number of steps made, which is
+    smaller than n_steps only when all episodes of ``progress.steps`` are done.
+    """
+    n_actions = len(actions)
+    alpha, gamma = rates.alpha, rates.gamma
+    max_steps = rates.max_steps
+    explore = uint64(rates.epsilon * 4294967296.0)
+    r0, r1, r2, r3 = progress.stream[0], progress.stream[1], progress.stream[2], progress.stream[3]
+    whole, real = progress.whole, progress.real
+    s, t, episode = uint64(whole[STATE]), whole[STEPS], whole[EPISODE]
+    landmark, left_at, left_by = whole[LANDMARK], whole[LEFT_AT], whole[LEFT_BY]
+    eta_steps = whole[ETA_STEPS]
+    total, macro_return, macro_discount = real[RETURN], real[MACRO_RETURN], real[MACRO_DISCOUNT]
+    episodes = progress.steps.size
+    done = 0
+    while done < n_steps and episode < episodes:
+        if t == 0:
+            s = uint64(starts[0])
+            if starts.size > 1:
+                u, r0, r1, r2, r3 = _draw(r0, r1, r2, r3)
+                s = uint64(starts[_below(u, starts.size)])
+            total = 0.0
+            if upper is not None:
+                landmark, left_at = upper.landmark_of[s], -1
+                if upper.counter == COUNT_EPISODE:
+                    eta_steps = 0
+        row = s * uint64(n_actions)
+        u, r0, r1, r2, r3 = _draw(r0, r1, r2, r3)
+        a = _below(u, n_actions) if (u >> uint64(32)) < explore else _greedy(q, row, n_actions, u)
+        if grid is not None:  # not "else" below: only what is compared with None is left out
+            moved = a
+            if slip is not None:
+                u, r0, r1, r2, r3 = _draw(r0, r1, r2, r3)
+                moved = _slipped(a, slip, n_actions, u)
+            s2 = uint64(grid.successor[row + moved])
+            over = s2 == uint64(grid.goal)
+            reward = grid.goal_reward if over else grid.step_reward[moved]
+        if table is not None:
+            u, r0, r1, r2, r3 = _draw(r0, r1, r2, r3)
+            entry = _entry(table, row + a, u)
+            s2 = uint64(table.target[entry])
+            over = table.terminal[s2]
+            reward = table.reward[entry]
+        target = reward
+        if not over:
+            target += gamma * _largest(q, s2 * uint64(n_actions), n_actions)
+        q[row + a] += alpha * (target - q[row + a])
+        total += reward
+        t += 1
+        done += 1
+        if upper is not None:
+            if landmark >= 0 and upper.landmark_of[s] == landmark:  # a macro starts at its last departure
+                left_at, left_by, macro_return, macro_discount = int64(s), int64(a), 0.0, 1.0
+            macro_return += macro_discount * reward
+            macro_discount *= gamma
+            here = upper.landmark_of[s2]
+            if here >= 0 and here != landmark:
+                if landmark >= 0:
+                    eta_steps = _landmark_step(
+                        q, upper, alpha, landmark, here, left_at, left_by, n_actions,
+                        macro_return, macro_discount, over, eta_steps,
+                    )
+                landmark = here
+        s = s2
+        if over or t >= max_steps:
+            progress.steps[episode] = t
+            progress.returns[episode] = total
+            episode += 1
+            t = 0
+    progress.stream[0], progress.stream[1], progress.stream[2], progress.stream[3] = r0, r1, r2, r3
+    whole[STATE], whole[STEPS], whole[EPISODE] = s, t, episode
+    whole[LANDMARK], whole[LEFT_AT], whole[LEFT_BY], whole[ETA_STEPS] = landmark, left_at, left_by, eta_steps
+    real[RETURN], real[MACRO_RETURN], real[MACRO_DISCOUNT] = total, macro_return, macro_discount
+    return done

@@ -1,0 +1,205 @@
+"""The hybrid MDP: a metric world, the named regions over it, and the landmarks that tie the two (Definition 3).
+
+S states, A actions of the lower level (HS = QS + S, HA = QA + A in the paper's words); the qualitative
+states QS are the nodes of ``graph``, the qualitative actions QA its edges.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import networkx as nx
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.errors import NoPlanError, SettingError, UnknownNameError, did_you_mean
+from qualrl.models.grid_world import GridWorld
+from qualrl.models.landmarks import LandmarkLevel, landmark_level
+from qualrl.models.tabular_mdp import TabularMDP
+from qualrl.qualitative.graph import Graph, graph_of_mapping, graph_of_regions
+from qualrl.spatial.occupancy_grid import Cell
+from qualrl.spatial.place import Place, resolve_cell
+from qualrl.spatial.region_map import RegionMap
+
+GOAL = "goal"
+
+
+@dataclass(frozen=True, eq=False)
+class HybridMDP:
+    """Both levels of a problem, ready to be learned, solved and planned on."""
+
+    world: GridWorld | TabularMDP
+    """The lower, quantitative level."""
+    region_names: tuple[str, ...]
+    """Names of the qualitative states."""
+    region_of: NDArray[np.int32]
+    """(S,) index of the qualitative state each state belongs to."""
+    landmarks: LandmarkLevel
+    graph: Graph
+    """Frozen networkx graph: a node a qualitative state, an edge a qualitative action."""
+    start: int | None
+    """State in which every episode starts; None = a random one each time."""
+    regions: RegionMap | None = None
+    """The map this was built from; None for a model that came without one."""
+
+    @classmethod
+    def from_table(
+        cls, mdp: TabularMDP, region_of: Mapping[int, str] | Sequence[str], start: int | None = None
+    ) -> "HybridMDP":
+        """A hybrid MDP without a map: any tabular MDP, and the name of the qualitative state of each state.
+
+        Landmarks are the states by which one qualitative state is entered from another.
+        """
+        names_of = [region_of[s] for s in range(len(mdp))] if isinstance(region_of, Mapping) else list(region_of)
+        if len(names_of) != len(mdp):
+            raise SettingError(f"{len(names_of)} qualitative states named for {len(mdp)} states")
+        names = tuple(dict.fromkeys(names_of))
+        index = {name: i for i, name in enumerate(names)}
+        of = np.array([index[name] for name in names_of], np.int32)
+        landmarks, crossings = _entries(mdp, of, names)
+        return cls(mdp, names, of, landmarks, graph_of_mapping(names, crossings), start)
+
+    def __len__(self) -> int:
+        return len(self.world)
+
+    @property
+    def gamma(self) -> float:
+        """Discount of one step."""
+        return self.world.gamma
+
+    @property
+    def grid(self) -> GridWorld:
+        """The grid world; SettingError for a model that came without a map."""
+        if not isinstance(self.world, GridWorld):
+            raise SettingError("this model was built without a map")
+        return self.world
+
+    @cached_property
+    def can_reach(self) -> NDArray[np.bool_]:
+        """(S,) whether some way leads from a state to the goal."""
+        if isinstance(self.world, GridWorld):
+            return self.world.steps_to_goal >= 0
+        return _can_reach(self.world)
+
+    @cached_property
+    def starts(self) -> NDArray[np.int64]:
+        """States in which episodes start.  Raises NoPlanError when the goal cannot be reached from them."""
+        if self.start is not None:
+            self.check_reachable(self.start)
+            return np.array([self.start])
+        starts = np.flatnonzero(self.can_reach)
+        if isinstance(self.world, GridWorld):
+            starts = starts[starts != self.world.goal]
+        else:
+            starts = starts[~self.world.terminal[starts]]
+        if not len(starts):
+            raise NoPlanError("the goal is the only place that leads to the goal")
+        return starts
+
+    def check_reachable(self, state: int) -> None:
+        """Raise NoPlanError when no way leads from a state to the goal."""
+        if not self.can_reach[state]:
+            raise NoPlanError(
+                f"no way leads from {self.describe(state)} to the goal: it can be reached from "
+                f"{int(self.can_reach.sum())} of the {len(self)} states, and this is not one of them"
+            )
+
+    def describe(self, state: int) -> str:
+        """A state in words: its region, and its cell when there is a map."""
+        name = self.region_names[self.region_of[state]]
+        if isinstance(self.world, GridWorld):
+            row, column = self.world.cells[state]
+            return f"{name} (row {row}, column {column})"
+        return f"{self.world.state_names[state] if self.world.state_names else f'state {state}'} in {name}"
+
+    def region_index(self, name: str) -> int:
+        """Index of a qualitative state; UnknownNameError when there is none of that name."""
+        if name not in self.region_names:
+            raise UnknownNameError(f"no region is called {name!r}; {did_you_mean(name, self.region_names)}")
+        return self.region_names.index(name)
+
+    def state_at(self, place: Place) -> int:
+        """State of a place: a name, (row, column), or metres.  Raises UnknownNameError or PlaceError."""
+        if self.regions is None:
+            raise SettingError("this model was built without a map: give a state's number")
+        return int(self.grid.state_of[resolve_cell(place, self.regions)])
+
+    def cell_of(self, state: int) -> Cell:
+        """(row, column) of a state."""
+        row, column = self.grid.cells[state]
+        return int(row), int(column)
+
+
+def hybrid_mdp(
+    regions: RegionMap,
+    goal: Place,
+    *,
+    start: Place | None = None,
+    gamma: float = 0.9,
+    slip: float = 0.0,
+    directions: int = 4,
+    step_reward: float = -1.0,
+    goal_reward: float = 100.0,
+) -> HybridMDP:
+    """The hybrid MDP of a map.  A region as start or goal means its centre."""
+    world = GridWorld(regions.grid.free, resolve_cell(goal, regions), gamma, slip, directions, step_reward, goal_reward)
+    start_state = None if start is None else int(world.state_of[resolve_cell(start, regions)])
+    region_of = regions.label[regions.grid.free].astype(np.int32)
+    return HybridMDP(
+        world,
+        regions.region_names,
+        region_of,
+        _landmarks_of_map(world, regions, int(region_of[world.goal])),
+        graph_of_regions(regions),
+        start_state,
+        regions,
+    )
+
+
+def _landmarks_of_map(world: GridWorld, regions: RegionMap, goal_region: int) -> LandmarkLevel:
+    """The landmarks of a map and the goal, which is one of its own.
+
+    Where two share a cell, the later of this order keeps it: corners and the like, doorways, the goal.
+    """
+    landmark_of = np.full(len(world), -1, np.int32)
+    for doorways in (False, True):
+        for index, mark in enumerate(regions.landmarks):
+            if (mark.kind == "doorway") == doorways:
+                landmark_of[world.state_of[mark.cells[:, 0], mark.cells[:, 1]]] = index
+    landmark_of[world.goal] = len(regions.landmarks)
+    names = [mark.name for mark in regions.landmarks] + [GOAL]
+    joined = [mark.regions for mark in regions.landmarks] + [(goal_region,)]
+    return landmark_level(names, landmark_of, joined)
+
+
+Crossing = tuple[int, int]
+
+
+def _entries(
+    mdp: TabularMDP, region_of: NDArray[np.int32], names: tuple[str, ...]
+) -> tuple[LandmarkLevel, list[Crossing]]:
+    """Landmarks of a table, one for each ordered pair of regions that an outcome crosses, and those pairs."""
+    possible = (mdp.probability > 0) & ~mdp.terminal[mdp.source]
+    source, target = mdp.source[possible], mdp.target[possible].astype(np.int64)
+    crossing = region_of[source] != region_of[target]
+    pairs = np.stack([region_of[source[crossing]], region_of[target[crossing]]], axis=1)
+    found, which = np.unique(pairs, axis=0, return_inverse=True)
+    landmark_of = np.full(len(mdp), -1, np.int32)
+    landmark_of[target[crossing][::-1]] = which.ravel()[::-1]  # the first crossing into a state names it
+    landmark_of[mdp.terminal] = len(found)
+    crossings = [(int(a), int(b)) for a, b in found]
+    labels = [f"{names[a]} to {names[b]}" for a, b in crossings] + [GOAL]
+    goal_regions = tuple(int(region) for region in np.unique(region_of[mdp.terminal]))
+    return landmark_level(labels, landmark_of, [*crossings, goal_regions]), crossings
+
+
+def _can_reach(mdp: TabularMDP) -> NDArray[np.bool_]:
+    """(S,) whether a terminal state can be reached: a walk backwards over the outcomes that can happen."""
+    backwards: nx.DiGraph[int] = nx.DiGraph()
+    backwards.add_nodes_from(range(len(mdp)))
+    possible = (mdp.probability > 0) & ~mdp.terminal[mdp.source]
+    backwards.add_edges_from(zip(mdp.target[possible].tolist(), mdp.source[possible].tolist(), strict=True))
+    reached = np.zeros(len(mdp), np.bool_)
+    for layer in nx.bfs_layers(backwards, np.flatnonzero(mdp.terminal).tolist()):
+        reached[layer] = True
+    return reached

@@ -1,0 +1,94 @@
+"""Plans: the places to pass, the step to take in each and why, and the metric path.
+
+Values are expected discounted returns, as the scenario's rewards add up; lengths are metres.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+from qualrl.spatial.occupancy_grid import Cell
+
+
+@dataclass(frozen=True)
+class Step:
+    """One qualitative action of a plan, and the numbers that its reason stands on."""
+
+    place: str
+    """Where it starts ("from" in JSON)."""
+    action: str
+    to: str
+    value: float
+    """Value of this action where the place is entered."""
+    reason: str
+    runner_up: str | None
+    """The best action not taken; None when there is no other."""
+    runner_up_value: float | None
+    margin: float | None
+    """value - runner_up_value, computed without their common part."""
+    steps: int
+    """Moves on the metric path until the next place is entered."""
+    length_m: float | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """As in plan.json."""
+        return {
+            "from": self.place,
+            "action": self.action,
+            "to": self.to,
+            "value": self.value,
+            "reason": self.reason,
+            "runner_up": self.runner_up,
+            "runner_up_value": self.runner_up_value,
+            "margin": self.margin,
+            "length_steps": self.steps,
+            "length_m": self.length_m,
+        }
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A way from a start to a goal."""
+
+    start: str
+    goal: str
+    places: tuple[str, ...]
+    """The regions passed, in order."""
+    steps: tuple[Step, ...]
+    path: tuple[Cell, ...]
+    """(row, column) of every cell, start and goal included; empty for a model without a map."""
+    length_steps: int
+    length_m: float | None
+    """Metres; None for a model without a map."""
+    shortest_steps: int | None
+    """Least number of moves from start to goal, by breadth-first search; None for a model without a map."""
+    value: float
+    """Expected discounted return at the start, by the values the plan was made from."""
+    source: str
+    """"exact", or the learner whose values the plan follows."""
+    notes: tuple[str, ...] = ()
+    """What a reader should know, one sentence each."""
+
+    def explain(self) -> str:
+        """The plan in words, a line a step."""
+        length = f"{self.length_steps} steps" + ("" if self.length_m is None else f", {self.length_m:.2f} m")
+        lines = [f"From {self.start} to {self.goal}: {' -> '.join(self.places)} ({length})."]
+        for number, step in enumerate(self.steps, 1):
+            far = "" if step.length_m is None else f" ({step.length_m:.2f} m)"
+            lines.append(f"{number}. In {step.place}, {step.action}{far}: {step.reason}.")
+        return "\n".join([*lines, *self.notes])
+
+    def to_dict(self) -> dict[str, Any]:
+        """As in plan.json: plain numbers, strings and lists."""
+        return {
+            "start": self.start,
+            "goal": self.goal,
+            "source": self.source,
+            "places": list(self.places),
+            "steps": [step.to_dict() for step in self.steps],
+            "path": [list(cell) for cell in self.path],
+            "length_steps": self.length_steps,
+            "length_m": self.length_m,
+            "shortest_steps": self.shortest_steps,
+            "value": self.value,
+            "notes": list(self.notes),
+        }

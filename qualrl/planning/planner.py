@@ -1,0 +1,165 @@
+"""Making a plan: follow the values to the goal, cut the walk at the doors, and say why at each."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from qualrl.errors import NoPlanError
+from qualrl.learning.run import LearningRun
+from qualrl.models.grid_world import GridWorld
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.planning.choices import Choice, choices_at
+from qualrl.planning.legs import Leg, legs_of
+from qualrl.planning.plan import Plan, Step
+from qualrl.planning.values import PlanValues, exact_plan_values, learned_plan_values
+from qualrl.qualitative.graph import crossings_of
+from qualrl.solving.exact import ExactValues, crossings_to_goal, exact_values
+from qualrl.solving.policy import greedy_walk
+from qualrl.spatial.region_map import Doorway, RegionMap
+
+
+def plan_exactly(
+    model: HybridMDP, start: int, names: tuple[str, str], *, exact: ExactValues | None = None,
+    notes: Sequence[str] = (),
+) -> Plan:  # fmt: skip
+    """The optimal plan.  names: what to call start and goal.  Raises NoPlanError when no way leads to the goal."""
+    model.check_reachable(start)
+    solved = exact or exact_values(model.world)
+    values = exact_plan_values(model, solved)
+    crossings = None
+    if isinstance(model.world, GridWorld):
+        crossings = crossings_to_goal(model.world, solved, model.region_of)
+    walk, arrived = greedy_walk(model.world, values.actions, start, crossings)
+    if not arrived:
+        raise NoPlanError(
+            f"gamma {model.gamma} fades to nothing on the way from {model.describe(start)} to the goal, so float64 "
+            "cannot tell one move from another; choose gamma nearer to 1"
+        )
+    return _plan(model, walk, values, names, notes)
+
+
+def plan_from_run(run: LearningRun, start: int, names: tuple[str, str]) -> Plan:
+    """The plan that the learned values give; where they do not lead to the goal, the exact one, and it says so."""
+    model = run.model
+    model.check_reachable(start)
+    values = learned_plan_values(run)
+    walk, arrived = greedy_walk(model.world, values.actions, start)
+    if arrived:
+        return _plan(model, walk, values, names, ())
+    note = (
+        f"Note: what {run.algorithm} learned in {len(run.steps)} episodes does not lead there (its best moves go round "
+        f"in circles from {model.describe(walk[-1])} on), so this plan is the exact one."
+    )
+    return plan_exactly(model, start, names, exact=run.exact, notes=[note])
+
+
+def _plan(model: HybridMDP, walk: list[int], values: PlanValues, names: tuple[str, str], notes: Sequence[str]) -> Plan:
+    legs = legs_of(model, walk)
+    steps = [_step(model, walk, leg, following, values) for leg, following in zip(legs, [*legs[1:], None], strict=True)]
+    notes = list(notes)
+    if isinstance(model.world, GridWorld) and model.world.slip > 0:
+        notes.append(
+            f"Moves slip with probability {model.world.slip:g}: the path is the one without slips, "
+            "the values expect them."
+        )
+    shortest = int(model.world.steps_to_goal[walk[0]]) if isinstance(model.world, GridWorld) else None
+    return Plan(
+        start=names[0],
+        goal=names[1],
+        places=tuple(model.region_names[leg.region] for leg in legs),
+        steps=tuple(steps),
+        path=tuple(model.cell_of(state) for state in walk) if model.regions else (),
+        length_steps=len(walk) - 1,
+        length_m=_length_m(model, walk),
+        shortest_steps=shortest,
+        value=values.plain(values.shifted[walk[0]]) if len(walk) > 1 else 0.0,
+        source=values.source,
+        notes=tuple(notes),
+    )
+
+
+def _length_m(model: HybridMDP, walk: Sequence[int]) -> float | None:
+    """Length of a walk in metres; None without a map."""
+    if model.regions is None:
+        return None
+    moves = np.diff(model.grid.cells[np.asarray(walk)], axis=0)
+    return float(np.hypot(moves[:, 0], moves[:, 1]).sum() * model.regions.grid.resolution_m)
+
+
+def _step(model: HybridMDP, walk: list[int], leg: Leg, following: Leg | None, values: PlanValues) -> Step:
+    end = leg.last if following is None else following.first
+    part = walk[leg.first : end + 1]
+    length_m = _length_m(model, part)
+    place = model.region_names[leg.region]
+    if following is None:
+        value = values.plain(values.shifted[walk[leg.first]]) if len(part) > 1 else 0.0
+        reason = f"the goal is in {place}, {len(part) - 1} steps on" if len(part) > 1 else "this is the goal"
+        return Step(place, "walk to the goal", place, value, reason, None, None, None, len(part) - 1, length_m)
+    to = model.region_names[following.region]
+    if model.regions is None:
+        return _step_without_map(model, walk[leg.first], place, to, len(part) - 1, values)
+    door = _door_taken(model, model.regions, leg.region, following.region, walk[end - 1], walk[end])
+    choices = choices_at(model, model.regions, walk[leg.first], values)
+    return _step_through(model, place, door, following.region, choices, len(part) - 1, length_m, values)
+
+
+def _door_taken(model: HybridMDP, regions: RegionMap, here: int, there: int, last: int, first: int) -> Doorway:
+    """The doorway between two regions that a crossing lies nearest to (on a diagonal move it may lie beside it)."""
+    pair = (min(here, there), max(here, there))
+    middle = (model.grid.cells[last] + model.grid.cells[first]) / 2
+    doors = [door for door in regions.doorways if door.pair == pair]
+
+    def distance(door: Doorway) -> float:
+        ends = np.array(crossings_of(regions, door)).mean(axis=1)
+        return float(np.abs(ends - middle).sum(axis=1).min())
+
+    return min(doors, key=distance)
+
+
+def _step_through(
+    model: HybridMDP, place: str, door: Doorway, to_region: int, choices: list[Choice], steps: int,
+    length_m: float | None, values: PlanValues,
+) -> Step:  # fmt: skip
+    def action(of: Choice) -> str:
+        return f"{of.door.name} to {model.region_names[of.to_region]}"
+
+    taken = next((choice for choice in choices if choice.door is door), None)
+    others = [choice for choice in choices if choice.door is not door]
+    to = model.region_names[to_region]
+    shifted = taken.shifted if taken else float("nan")
+    value = values.plain(shifted)
+    said = f"go through {door.name} to {to}"
+    if not others:
+        return Step(
+            place, said, to, value, f"the only way on from {place} to the goal", None, None, None, steps, length_m
+        )
+    other = others[0]
+    margin = shifted - other.shifted
+    other_value = values.plain(other.shifted)
+    if abs(margin) <= 1e-9 * abs(shifted):
+        reason = f"worth {value:.6g}, exactly as much as {action(other)}"
+    elif margin > 0:
+        reason = (
+            f"worth {value:.6g}, which is {margin:.3g} more than the next best, {action(other)} ({other_value:.6g})"
+        )
+    else:
+        reason = (
+            f"worth {value:.6g} by what was learned; {action(other)} would be worth {-margin:.3g} more "
+            f"({other_value:.6g}), a difference that learning has not settled"
+        )
+    return Step(place, said, to, value, reason, action(other), other_value, margin, steps, length_m)
+
+
+def _step_without_map(model: HybridMDP, state: int, place: str, to: str, steps: int, values: PlanValues) -> Step:
+    """A step of a model without doors: its reason compares the first primitive action with the next best."""
+    q = values.actions(state)
+    best, second = np.argsort(-q, kind="stable")[:2] if len(q) > 1 else (0, None)
+    names = model.world.action_names
+    value = values.plain(q[best])
+    if second is None:
+        return Step(place, f"move to {to}", to, value, "the only action there is", None, None, None, steps, None)
+    margin = float(q[best] - q[second])
+    reason = (
+        f"starting with {names[best]!r}, worth {value:.6g}, {margin:.3g} more than the next best, {names[second]!r}"
+    )
+    return Step(place, f"move to {to}", to, value, reason, names[second], values.plain(q[second]), margin, steps, None)

@@ -1,0 +1,1 @@
+"""Exact values and shortest paths: what every learner is measured against."""

@@ -1,0 +1,106 @@
+"""Exact optimal values by dynamic programming: what every learner is measured against.
+
+S states, A actions.  See ``kernels.bellman`` for the shift that keeps far places apart in float64.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.errors import SettingError
+from qualrl.kernels import bellman
+from qualrl.models.grid_world import GridWorld
+from qualrl.models.tabular_mdp import TabularMDP
+
+World = GridWorld | TabularMDP
+
+TOLERANCE = 1e-12
+MAX_SWEEPS = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class ExactValues:
+    """V* of every state, once plain and once shifted."""
+
+    value: NDArray[np.float64]
+    """(S,) optimal value; 0 in terminal states."""
+    shifted: NDArray[np.float64]
+    """(S,) value + shift, exact to a relative 1e-10 or so even where ``value`` has no digits left."""
+    shift: float
+    sweeps: int
+
+
+def shift_of(world: World) -> float:
+    """K = -r_min / (1 - gamma): what must be added to a value to make it at least 0.
+
+    Where no move slips, r_min is the reward of a straight step: nobody has to take the dearer diagonals.
+    """
+    lowest = min(world.reward_bounds[0], 0.0)
+    if isinstance(world, GridWorld) and world.slip == 0:
+        lowest = world.step_reward
+    return -lowest / (1 - world.gamma)
+
+
+def exact_values(world: World) -> ExactValues:
+    """Optimal values of a world, by Gauss-Seidel value iteration outward from the goal.
+
+    Raises SettingError if the sweeps do not settle (only for gamma extremely near 1).
+    """
+    shift = shift_of(world)
+    if isinstance(world, GridWorld):
+        shifted, sweeps = _solve_grid(world, shift)
+        value = shifted - shift
+        value[world.steps_to_goal < 0] = world.step_reward / (1 - world.gamma)
+        shifted[world.steps_to_goal < 0] = value[world.steps_to_goal < 0] + shift
+        value[world.goal] = 0.0
+    else:
+        shifted, sweeps = _solve_table(world, shift)
+        value = np.where(world.terminal, 0.0, shifted - shift)
+    if sweeps < 0:
+        raise SettingError(f"values did not settle in {MAX_SWEEPS} sweeps; choose gamma below {world.gamma}")
+    return ExactValues(value, shifted, shift, sweeps)
+
+
+def _solve_grid(world: GridWorld, shift: float) -> tuple[NDArray[np.float64], int]:
+    value = np.zeros(len(world))
+    sweeps = bellman.solve_grid(
+        world.successor, world.move_reward + shift * (1 - world.gamma), world.goal, world.goal_reward + shift,
+        world.gamma, world.slip, world.outward, value, TOLERANCE, MAX_SWEEPS,
+    )  # fmt: skip
+    value[world.goal] = shift
+    return value, int(sweeps)
+
+
+def _solve_table(world: TabularMDP, shift: float) -> tuple[NDArray[np.float64], int]:
+    value = np.where(world.terminal, shift, 0.0)
+    sweeps = bellman.solve_table(
+        world.row_start, world.target, world.probability, world.reward + shift * (1 - world.gamma), world.terminal,
+        world.gamma, np.arange(len(world))[::-1].copy(), value, world.n_actions, TOLERANCE, MAX_SWEEPS,
+    )  # fmt: skip
+    return value, int(sweeps)
+
+
+def crossings_to_goal(world: GridWorld, exact: ExactValues, region_of: NDArray[np.int32]) -> NDArray[np.int32]:
+    """(S,) how often an optimal way to the goal must change region: tells apart ways that are equally good."""
+    crossings: NDArray[np.int32] = bellman.fewest_crossings(
+        world.successor, world.move_reward + exact.shift * (1 - world.gamma), world.goal,
+        world.goal_reward + exact.shift, world.gamma, world.slip, world.outward, exact.shifted, region_of,
+    )  # fmt: skip
+    return crossings
+
+
+def action_values(world: World, shifted: NDArray[np.float64], shift: float, state: int) -> NDArray[np.float64]:
+    """(A,) shifted Q values of one state, by one backup of shifted state values."""
+    q = np.empty(world.n_actions)
+    if isinstance(world, GridWorld):
+        bellman.grid_backup(
+            world.successor, world.move_reward + shift * (1 - world.gamma), world.goal, world.goal_reward + shift,
+            world.gamma, world.slip, shifted, state, q,
+        )  # fmt: skip
+    else:
+        bellman.table_backup(
+            world.row_start, world.target, world.probability, world.reward + shift * (1 - world.gamma), world.gamma,
+            shifted, state, q,
+        )  # fmt: skip
+    return q

@@ -1,0 +1,82 @@
+"""Occupancy grids: which cells a robot may stand on.
+
+H, W: rows, columns.  Row 0 is the image's top row, the *north* edge, so rows grow against
+world y; only ``to_world`` and ``to_cell`` know it.
+Suffixes are units: ``_m`` metres, ``_rad`` radians.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.errors import MapError
+
+Cell = tuple[int, int]
+"""(row, column) in image order."""
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyGrid:
+    """A map as cells: free, occupied, or (neither) unknown.
+
+    Raises MapError when the shapes differ, when no cell is free, or when the resolution is not positive.
+    """
+
+    free: NDArray[np.bool_]
+    """(H, W), True where a robot may stand."""
+    occupied: NDArray[np.bool_]
+    """(H, W), True where something stands; cells neither free nor occupied are unknown."""
+    resolution_m: float
+    """Side of one cell, in metres."""
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """World pose (x_m, y_m, yaw_rad) of the lower-left corner of the lower-left cell."""
+    source: str = ""
+    """The file the map was read from, as the user named it; empty for a grid made in memory."""
+    sha256: str = ""
+    """SHA-256 of the image file's bytes; empty for a grid made in memory."""
+    warnings: tuple[str, ...] = ()
+    """What the reader found odd, one line each."""
+
+    def __post_init__(self) -> None:
+        if self.free.ndim != 2 or self.free.shape != self.occupied.shape:
+            raise MapError(
+                f"free and occupied must be 2-d and alike, got {self.free.shape} and {self.occupied.shape}"
+            )
+        if not self.free.any():
+            raise MapError(f"{self.source or 'map'}: no cell is free, so there is nowhere for a robot to be")
+        if not (math.isfinite(self.resolution_m) and self.resolution_m > 0):
+            raise MapError(f"{self.source or 'map'}: resolution must be positive, got {self.resolution_m} m")
+        self.free.setflags(write=False)
+        self.occupied.setflags(write=False)
+
+    @classmethod
+    def from_free(cls, free: NDArray[np.bool_], resolution_m: float = 1.0) -> "OccupancyGrid":
+        """A grid without unknown cells: whatever is not free is occupied."""
+        free = np.array(free, dtype=np.bool_)
+        return cls(free, ~free, resolution_m)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(H, W)."""
+        return self.free.shape[0], self.free.shape[1]
+
+    def to_world(self, row: float, column: float) -> tuple[float, float]:
+        """World x, y in metres of the centre of a cell."""
+        x, y, yaw = self.origin
+        along = (column + 0.5) * self.resolution_m
+        up = (self.shape[0] - 1 - row + 0.5) * self.resolution_m
+        return x + along * math.cos(yaw) - up * math.sin(yaw), y + along * math.sin(yaw) + up * math.cos(yaw)
+
+    def to_cell(self, x_m: float, y_m: float) -> Cell:
+        """The cell that a world point lies in; it may lie outside the map (see ``contains``)."""
+        x, y, yaw = self.origin
+        dx, dy = x_m - x, y_m - y
+        along = dx * math.cos(yaw) + dy * math.sin(yaw)
+        up = -dx * math.sin(yaw) + dy * math.cos(yaw)
+        return self.shape[0] - 1 - math.floor(up / self.resolution_m), math.floor(along / self.resolution_m)
+
+    def contains(self, cell: Cell) -> bool:
+        """Whether a cell lies on the map."""
+        return 0 <= cell[0] < self.shape[0] and 0 <= cell[1] < self.shape[1]

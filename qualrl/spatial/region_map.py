@@ -1,0 +1,103 @@
+"""What was seen on an occupancy grid: named regions, the doorways between them, and landmarks.
+
+Indices live in the arrays, names in the records; ``RegionMap.region_named`` and its like translate.
+Cells are (row, column) in image order; areas are square metres, widths metres.
+"""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.errors import ScenarioError, UnknownNameError, did_you_mean
+from qualrl.spatial.occupancy_grid import Cell, OccupancyGrid
+
+
+@dataclass(frozen=True)
+class Region:
+    """A part of the free space with a name of its own."""
+
+    name: str
+    kind: str
+    """"room", "corridor", or "pocket" (free cells that nothing connects to the rest of the map)."""
+    cells: int
+    area_m2: float
+    centroid: tuple[float, float]
+    """Mean (row, column) of its cells; may lie outside the region."""
+    centre: Cell
+    """The cell of the region that is farthest from walls: always inside."""
+
+
+@dataclass(frozen=True, eq=False)
+class Doorway:
+    """Where two regions touch: every 4-connected step from one to the other passes its cells."""
+
+    name: str
+    pair: tuple[int, int]
+    """Indices of the two regions, the smaller first."""
+    cells: NDArray[np.int32]
+    """(N, 2) the cells of the doorway, one row of them, in image order."""
+    width_m: float
+    is_open: bool
+    """True for a wide border without walls beside it ("opening"), False for a door."""
+
+
+@dataclass(frozen=True, eq=False)
+class Landmark:
+    """A named cell: a doorway, a corner, a junction or a dead end (paper, section 4.1.1)."""
+
+    name: str
+    kind: str
+    """"doorway", "corner", "junction" or "dead end"."""
+    cell: Cell
+    """The cell that stands for it."""
+    cells: NDArray[np.int32]
+    """(N, 2) all cells that count as being at it; for a doorway the doorway's cells."""
+    regions: tuple[int, ...]
+    """Indices of the regions it lies in or joins."""
+
+
+@dataclass(frozen=True, eq=False)
+class RegionMap:
+    """A partition of the free space into named regions, with doorways and landmarks."""
+
+    grid: OccupancyGrid
+    label: NDArray[np.int32]
+    """(H, W) index of each cell's region; -1 exactly where the cell is not free."""
+    regions: tuple[Region, ...]
+    doorways: tuple[Doorway, ...]
+    landmarks: tuple[Landmark, ...]
+
+    def __post_init__(self) -> None:
+        self.label.setflags(write=False)
+
+    @property
+    def region_names(self) -> tuple[str, ...]:
+        """Names by region index."""
+        return tuple(region.name for region in self.regions)
+
+    @property
+    def all_names(self) -> tuple[str, ...]:
+        """Every name on the map: regions, then landmarks (doorways are landmarks)."""
+        return self.region_names + tuple(mark.name for mark in self.landmarks)
+
+    def renamed(self, names: Mapping[str, str]) -> "RegionMap":
+        """The same map with other names for regions, doorways and landmarks.
+
+        Raises UnknownNameError for a name that is not on the map, ScenarioError for one given twice.
+        """
+        for old in names:
+            if old not in self.all_names:
+                raise UnknownNameError(f"names: nothing is called {old!r}; {did_you_mean(old, self.all_names)}")
+        counts = Counter(names.get(name, name) for name in self.all_names)
+        for name, count in counts.items():
+            if count > 1:
+                raise ScenarioError(f"names: {name!r} would name {count} places; give each place its own name")
+        return replace(
+            self,
+            regions=tuple(replace(region, name=names.get(region.name, region.name)) for region in self.regions),
+            doorways=tuple(replace(door, name=names.get(door.name, door.name)) for door in self.doorways),
+            landmarks=tuple(replace(mark, name=names.get(mark.name, mark.name)) for mark in self.landmarks),
+        )

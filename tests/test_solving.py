@@ -1,0 +1,170 @@
+"""Exact values and walks against textbook value iteration, linear algebra, exact fractions, networkx and scipy."""
+
+import math
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from qualrl.errors import PlaceError, SettingError
+from qualrl.models.grid_world import GridWorld
+from qualrl.models.tabular_mdp import TabularMDP
+from qualrl.solving.exact import action_values, exact_values
+from qualrl.solving.policy import greedy_walk
+from tests import oracles
+from tests.worlds import PUZZLE, free_masks, grid_of
+
+
+def goals(free):
+    return st.sampled_from([(int(r), int(c)) for r, c in np.argwhere(free)])
+
+
+@given(
+    st.data(), free_masks(side=5), st.sampled_from([4, 8]), st.sampled_from([0.0, 0.2, 0.6]),
+    st.sampled_from([0.0, 0.5, 0.9]),
+)  # fmt: skip
+@settings(max_examples=60, deadline=None)
+def test_exact_values_equal_textbook_value_iteration(data, free, directions, slip, gamma):
+    goal = data.draw(goals(free))
+    world = GridWorld(free, goal, gamma, slip, directions)
+    twin = oracles.GridTwin(free, goal, directions, slip)
+    expected = twin.values(gamma)
+    found = exact_values(world)
+    np.testing.assert_allclose(found.value, [expected[tuple(c)] for c in world.cells.tolist()], atol=1e-8)
+    explicit = exact_values(world.table())
+    np.testing.assert_allclose(explicit.value, found.value, atol=1e-8)
+
+
+@given(st.data(), free_masks(side=7, connected=False), st.sampled_from([4, 8]))
+@settings(max_examples=60, deadline=None)
+def test_breadth_first_steps_equal_networkx(data, free, directions):
+    goal = data.draw(goals(free))
+    world = GridWorld(free, goal, 0.9, directions=directions)
+    lengths = nx.single_source_shortest_path_length(oracles.GridTwin(free, goal, directions).graph(), goal)
+    assert world.steps_to_goal.tolist() == [lengths.get(tuple(cell), -1) for cell in world.cells.tolist()]
+
+
+def test_puzzle_values_are_exact_fractions():
+    world = GridWorld(grid_of(PUZZLE).free, (6, 6), 0.9)
+    found = exact_values(world)
+    start = world.state_of[11, 1]
+    assert world.steps_to_goal[start] == 32
+    for state in range(len(world)):
+        if state != world.goal:
+            expected = oracles.deterministic_value(int(world.steps_to_goal[state]), "9/10")
+            assert found.value[state] == pytest.approx(float(expected), rel=1e-12)
+
+
+def test_shifted_values_tell_cells_apart_where_plain_ones_cannot():
+    free = np.ones((1, 3000), bool)
+    world = GridWorld(free, (0, 0), 0.9)
+    found = exact_values(world)
+    assert found.value[2000] == found.value[2001]
+    assert np.all(np.diff(found.shifted[1:]) < 0)
+    walk, arrived = greedy_walk(world, lambda s: action_values(world, found.shifted, found.shift, s), 2999)
+    assert arrived
+    assert len(walk) == 3000
+
+
+def test_unreachable_states_are_worth_walking_for_ever():
+    world = GridWorld(np.array([[True, True, False, True]]), (0, 0), 0.9, directions=8)
+    assert exact_values(world).value[2] == pytest.approx(-10)
+
+
+@given(st.data(), free_masks(side=5), st.sampled_from([4, 8]), st.sampled_from([0.0, 0.3]))
+@settings(max_examples=30, deadline=None)
+def test_greedy_policy_of_exact_values_is_worth_them(data, free, directions, slip):
+    goal = data.draw(goals(free))
+    world = GridWorld(free, goal, 0.9, slip, directions)
+    found = exact_values(world)
+    twin = oracles.GridTwin(free, goal, directions, slip)
+    policy = {
+        tuple(cell): int(np.argmax(action_values(world, found.shifted, found.shift, s)))
+        for s, cell in enumerate(world.cells.tolist())
+    }
+    worth = oracles.exact_policy_values(twin, 0.9, policy)
+    np.testing.assert_allclose([worth[tuple(c)] for c in world.cells.tolist()], found.value, atol=1e-7)
+
+
+def test_eight_directions_find_the_octile_shortest_path():
+    rng = np.random.default_rng(5)
+    free = rng.random((30, 30)) > 0.25
+    free[0, 0] = free[29, 29] = True
+    twin = oracles.GridTwin(free, (29, 29), 8)
+    edges = [(twin.cells.index(a), twin.cells.index(b), d["length"]) for a, b, d in twin.graph().edges(data=True)]
+    source, target, length = zip(*edges, strict=True)
+    matrix = coo_matrix((length, (source, target)), shape=(len(twin.cells),) * 2)
+    expected = dijkstra(matrix, indices=[twin.cells.index((0, 0))])[0][twin.cells.index((29, 29))]
+    world = GridWorld(free, (29, 29), 0.99999, directions=8)
+    found = exact_values(world)
+    walk, arrived = greedy_walk(
+        world, lambda s: action_values(world, found.shifted, found.shift, s), int(world.state_of[0, 0])
+    )
+    assert arrived
+    moves = np.diff(world.cells[walk], axis=0)
+    assert np.hypot(*moves.T).sum() == pytest.approx(expected, rel=1e-9)
+
+
+def test_tables_from_outcome_lists_are_solved():
+    # two states and an end; staying pays 1 for ever (value 1 / (1 - 0.5) = 2), leaving pays 3 at once
+    outcomes = {
+        0: {0: [(1.0, 0, 1.0, False)], 1: [(0.5, 1, 3.0, True), (0.5, 0, 3.0, False)]},
+        1: {0: [(1.0, 1, 0.0, True)], 1: [(1.0, 1, 0.0, True)]},
+    }
+    table = TabularMDP.from_outcomes(outcomes, 0.5, ["stay", "leave"])
+    found = exact_values(table)
+    assert found.value == pytest.approx([4.0, 0.0])  # v = 3 + 0.5 * 0.5 * v
+    assert table.cumulative == pytest.approx([1, 0.5, 1, 1, 1])
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"gamma": 1.0}, "gamma"),
+        ({"gamma": math.nan}, "gamma"),
+        ({"slip": 1.0}, "slip"),
+        ({"directions": 6}, "directions"),
+        ({"step_reward": 0.0}, "step"),
+        ({"goal_reward": math.inf}, "goal"),
+    ],
+)
+def test_grid_world_refuses_numbers_out_of_range(change, what):
+    with pytest.raises(SettingError, match=what):
+        GridWorld(**({"free": np.ones((2, 2), bool), "goal_cell": (0, 0), "gamma": 0.9} | change))
+
+
+def test_grid_world_refuses_a_goal_in_a_wall_or_outside():
+    free = np.array([[True, False]])
+    for goal in ((0, 1), (5, 5), (-1, 0)):
+        with pytest.raises(PlaceError, match="free cell"):
+            GridWorld(free, goal, 0.9)
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"probability": np.array([0.5, 1.0])}, "sum to 0.5"),
+        ({"target": np.array([7, 0], np.uint32)}, "target is 7"),
+        ({"row_start": np.array([0, 1, 1])}, "row_start"),
+        ({"gamma": 1.5}, "gamma"),
+        ({"state_names": ("only one",)}, "names"),
+        ({"reward": np.array([np.inf, 0])}, "finite"),
+    ],
+)
+def test_table_refuses_what_is_no_mdp(change, what):
+    good = {
+        "row_start": np.array([0, 1, 2]),
+        "target": np.array([1, 1], np.uint32),
+        "probability": np.array([1.0, 1.0]),
+        "reward": np.array([1.0, 0.0]),
+        "terminal": np.array([False, True]),
+        "gamma": 0.9,
+        "action_names": ("go",),
+    }
+    TabularMDP(**good)
+    with pytest.raises(SettingError, match=what):
+        TabularMDP(**(good | change))
