@@ -9,7 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -81,6 +81,7 @@ def test_jpeg_is_read_to_within_its_losses() -> None:
     assert np.abs(image.grey().astype(int) - 200).max() <= 2
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(*[st.integers(0, 65535)] * 3), min_size=1, max_size=8))
 def test_16_bit_colour_becomes_grey_before_it_becomes_8_bits(pixels: list[tuple[int, int, int]]) -> None:
     image = Image(np.array([pixels], np.uint16), None)

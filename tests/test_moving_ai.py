@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qualrl.errors import MapError
@@ -43,6 +43,7 @@ def test_windows_lines_and_blank_lines_at_the_end_are_fine() -> None:
     assert parse_moving_ai((SMALL + "\n \n").encode(), "m").shape == (2, 5)
 
 
+@settings(deadline=None)
 @given(st.integers(1, 12), st.integers(1, 12), st.integers(0, 2**32 - 1))
 def test_what_is_written_by_hand_is_read(height: int, width: int, seed: int) -> None:
     cells = np.random.default_rng(seed).choice(list(".GS@OTW"), (height, width))
@@ -83,6 +84,7 @@ def test_what_is_wrong_is_said_with_its_line(change: str, instead: str, said: st
     assert complaint(SMALL.replace(change, instead)) == said
 
 
+@settings(deadline=None)
 @given(st.binary(max_size=60), st.booleans())
 def test_any_bytes_are_a_map_or_one_line_an_error(data: bytes, headed: bool) -> None:
     told = "m.map:"

@@ -4,7 +4,7 @@ import contextlib
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qualrl.errors import PlaceError, QualrlError, UnknownNameError
@@ -71,6 +71,7 @@ def test_a_name_that_reads_as_numbers_is_no_name() -> None:
         PlaceName("1,2")
 
 
+@settings(deadline=None)
 @given(st.text(max_size=30) | st.from_regex(r"[-+0-9.eE, ]{1,12}", fullmatch=True))
 def test_any_text_is_a_place_or_refused(text: str) -> None:
     try:
@@ -80,6 +81,7 @@ def test_any_text_is_a_place_or_refused(text: str) -> None:
     assert read_place(place) == place
 
 
+@settings(deadline=None)
 @given(st.integers(-(10**9), 10**9), st.integers(-(10**9), 10**9), st.floats(-1e9, 1e9), st.floats(-1e9, 1e9))
 def test_numbers_come_back(row: int, column: int, x_m: float, y_m: float) -> None:
     assert read_place(f"{row},{column}") == read_place([row, column]) == PlaceCell(row, column)
@@ -140,6 +142,7 @@ def test_places_where_no_robot_can_stand(regions: RegionMap, written: str, kind:
     assert str(caught.value).startswith(said)
 
 
+@settings(deadline=None)
 @given(st.floats(allow_nan=False, allow_infinity=False), st.floats(allow_nan=False, allow_infinity=False), st.data())
 def test_any_point_is_a_free_cell_or_refused(x_m: float, y_m: float, data: st.DataObject) -> None:
     yaw_rad = data.draw(st.floats(-7, 7))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qualrl.errors import MapError, QualrlError, ScenarioError
@@ -58,11 +58,13 @@ JSON = st.recursive(
 )
 
 
+@settings(deadline=None)
 @given(JSON, st.sampled_from([None, 1, 3]))
 def test_json_is_yaml(data: Any, indent: int | None) -> None:
     assert parse(json.dumps(data, indent=indent)).data == data
 
 
+@settings(deadline=None)
 @given(JSON)
 def test_positions_point_at_the_values(data: Any) -> None:
     text = json.dumps(data, indent=2)
@@ -152,6 +154,12 @@ def test_all_problems_that_do_not_stop_the_parser_are_reported_in_order() -> Non
     assert [line.split(": ")[0] for line in said] == ["f.yaml:1:4", "f.yaml:2:1", "f.yaml:3:1"]
 
 
+def test_a_flood_of_problems_is_cut_short() -> None:
+    said = complaint("a: 1\n" * 1000).split("\n")
+    assert len(said) == 51
+    assert said[-1] == "f.yaml:1:1: and 949 problems more"
+
+
 def test_aliases_cannot_blow_up() -> None:
     lines = ["a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
     for before, name in zip("abcdefgh", "bcdefghi", strict=True):
@@ -213,6 +221,7 @@ PIECES += list("abc019:-?[]{}&*!|>%@`'\"#,.\\~\t \n")
 YAML_LIKE = st.lists(st.sampled_from(PIECES), max_size=40).map("".join)
 
 
+@settings(deadline=None)
 @given(YAML_LIKE | st.text(st.sampled_from(string.printable), max_size=60) | st.text(max_size=60))
 def test_any_text_is_read_or_refused_in_lines_that_start_with_the_position(text: str) -> None:
     try:
@@ -226,6 +235,7 @@ def test_any_text_is_read_or_refused_in_lines_that_start_with_the_position(text:
             assert what.startswith(" ")
 
 
+@settings(deadline=None)
 @given(st.binary(max_size=80))
 def test_any_bytes_are_read_or_refused(tmp_path_factory: pytest.TempPathFactory, data: bytes) -> None:
     path = tmp_path_factory.getbasetemp() / "any.yaml"

@@ -6,7 +6,7 @@ from typing import Any
 
 import jsonschema
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qualrl.errors import QualrlError, ScenarioError
@@ -293,6 +293,7 @@ SCENARIOS = st.builds(
 )
 
 
+@settings(deadline=None)
 @given(SCENARIOS)
 def test_what_is_dumped_is_read_back(tmp_path_factory: pytest.TempPathFactory, scenario: Scenario) -> None:
     path = tmp_path_factory.getbasetemp() / "round.yaml"
@@ -300,6 +301,7 @@ def test_what_is_dumped_is_read_back(tmp_path_factory: pytest.TempPathFactory, s
     assert load_scenario(path) == scenario
 
 
+@settings(deadline=None)
 @given(SCENARIOS)
 def test_scenarios_fit_the_published_schema(scenario: Scenario) -> None:
     jsonschema.validate(json.loads(json.dumps(scenario.model_dump())), SCHEMA)
@@ -361,6 +363,7 @@ VALUES = st.recursive(
 )
 
 
+@settings(deadline=None)
 @given(st.dictionaries(st.sampled_from(KEYS), VALUES, max_size=6))
 def test_any_mapping_is_a_scenario_or_refused_line_by_line(
     tmp_path_factory: pytest.TempPathFactory, data: dict[str, Any]
@@ -375,6 +378,7 @@ def test_any_mapping_is_a_scenario_or_refused_line_by_line(
         assert positions == sorted(positions)
 
 
+@settings(deadline=None)
 @given(st.text(max_size=30), st.text(max_size=30))
 def test_any_setting_is_taken_or_refused(key: str, value: str) -> None:
     scenario = Scenario(map="m", goal=PlaceName("x"))

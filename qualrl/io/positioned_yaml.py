@@ -22,6 +22,8 @@ MOST_DEPTH = 40
 """The parser recurses four frames a level, and Python allows 1000 in all."""
 MOST_DIGITS = 400
 """Beyond this Python may refuse to print a whole number again."""
+MOST_PROBLEMS = 50
+"""Told at once."""
 
 KeyPath = tuple[str | int, ...]
 """("learn", "alpha") or ("origin", 2)."""
@@ -101,7 +103,8 @@ def parse_yaml(text: str, source: str, *, error: type[QualrlError]) -> Positione
     data = None if root is None else builder.build(root, ())
     if builder.problems:
         lines = [f"{source}:{line}:{column}: {what}" for line, column, what in sorted(set(builder.problems))]
-        raise error("\n".join(lines))
+        more = [f"{source}:1:1: and {len(lines) - MOST_PROBLEMS:,} problems more"] if len(lines) > MOST_PROBLEMS else []
+        raise error("\n".join(lines[:MOST_PROBLEMS] + more))
     return PositionedYaml(data, source, builder.key_at, builder.value_at)
 
 

@@ -85,8 +85,9 @@ def _section(path: KeyPath, model: type[BaseModel]) -> type[BaseModel]:
 
 
 def dotted(path: KeyPath) -> str:
-    """A path as messages show it, on one line whatever the keys hold."""
-    return ".".join(str(part) if str(part).isprintable() else repr(part) for part in path)
+    """A path as messages show it, on one short line whatever the keys hold."""
+    parts = [str(part) for part in path]
+    return ".".join(part if part.isprintable() and len(part) <= 100 else shown(part) for part in parts)
 
 
 def _number(limit: float) -> str:

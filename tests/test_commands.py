@@ -1,0 +1,265 @@
+"""The command as a user meets it: in processes of its own, on files of its own."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import jsonschema
+import networkx as nx
+import numpy as np
+import pytest
+import yaml
+
+from tests.worlds import PUZZLE, TWO_ROOMS
+
+ROOT = Path(__file__).parent.parent
+SCENARIO = """\
+map: rooms.yaml
+start: room A
+goal: room B
+names: {room A: kitchen, door 1: red door}
+learn:
+  episodes: 300
+  alpha: 0.5
+"""
+
+
+def qualrl(*arguments, cwd, expect=0, **environment):
+    """Run the command; return (stdout, stderr)."""
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "cli.py"), *map(str, arguments)],
+        cwd=cwd, capture_output=True, text=True, timeout=300, env=os.environ | environment,
+    )  # fmt: skip
+    assert done.returncode == expect, done.stderr
+    if expect:
+        assert "Traceback" not in done.stderr
+    return done.stdout, done.stderr
+
+
+def draw(folder: Path, name: str, text: str, resolution_m: float = 1.0) -> Path:
+    """A ROS map of a drawing."""
+    rows = text.strip().splitlines()
+    pixels = np.array([[0 if c == "#" else 254 for c in row] for row in rows], np.uint8)
+    cv2.imwrite(str(folder / f"{name}.png"), pixels)
+    file = folder / f"{name}.yaml"
+    file.write_text(
+        f"image: {name}.png\nresolution: {resolution_m}\norigin: [1.0, 2.0, 0.0]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    return file
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Path:
+    """A folder with a map of two rooms and a scenario on it."""
+    draw(tmp_path, "rooms", TWO_ROOMS)
+    (tmp_path / "rooms.scenario.yaml").write_text(SCENARIO.replace("room A: kitchen", "room A: kitchen").replace(
+        "start: room A", "start: kitchen"))  # fmt: skip
+    return tmp_path
+
+
+def test_run_does_all_of_it(here):
+    out, err = qualrl("run", "rooms.scenario.yaml", "-o", "out", "--json", cwd=here)
+    document = json.loads(out)
+    assert err == ""
+    plan = document["plan"]
+    assert plan["places"] == ["kitchen", "room B"]
+    assert plan["steps"][0]["from"] == "kitchen"
+    assert set(plan) >= {"start", "goal", "places", "steps", "path", "length_steps", "length_m", "value"}
+    assert set(plan["steps"][0]) >= {"from", "action", "to", "value", "reason"}
+    assert "red door" in plan["steps"][0]["action"]
+    learned = document["learn"]
+    assert set(learned) >= {
+        "algorithm", "seed", "episodes", "total_steps", "steps_per_episode", "returns", "optimal_steps",
+        "greedy_steps", "max_error", "seconds",
+    }  # fmt: skip
+    assert learned["greedy_steps"] == learned["optimal_steps"] == plan["length_steps"]
+    assert sum(learned["steps_per_episode"]) == learned["total_steps"]
+    names = sorted(os.listdir(here / "out"))
+    assert names == sorted(Path(file).name for file in document["files"])
+    assert json.loads((here / "out/plan.json").read_text()) == plan
+    for picture in ("overlay.png", "learning_curve.png"):
+        assert min(cv2.imread(str(here / "out" / picture)).shape[:2]) > 300
+
+
+def test_the_same_command_gives_the_same_bytes_of_plan(here):
+    qualrl("run", "rooms.scenario.yaml", "-o", "first", cwd=here)
+    qualrl("run", "rooms.scenario.yaml", "-o", "deep/second", cwd=here)
+    qualrl("run", "first/scenario.yaml", "-o", "third", cwd=here)
+    plan = (here / "first/plan.json").read_bytes()
+    assert (here / "deep/second/plan.json").read_bytes() == plan
+    assert (here / "third/plan.json").read_bytes() == plan
+    copy = yaml.safe_load((here / "first/scenario.yaml").read_text())
+    assert len(copy["made_with"]["map_sha256"]) == 64
+    assert copy["made_with"]["qualrl"] == "0.1.0"
+    assert copy["seed"] == 0
+
+
+def test_convert_writes_files_that_other_tools_read(here):
+    out, _ = qualrl("convert", "rooms.yaml", "-o", "out", "--json", cwd=here)
+    document = json.loads(out)
+    pixels = cv2.imread(str(here / "out/regions.png"), cv2.IMREAD_UNCHANGED)
+    assert pixels.dtype == np.uint16
+    drawn = np.array([list(row) for row in TWO_ROOMS.strip().splitlines()])
+    np.testing.assert_array_equal(pixels == 0, drawn == "#")
+    assert pixels.max() == len(document["regions"]) == 2
+    for number, region in enumerate(document["regions"], 1):
+        assert region["cells"] == (pixels == number).sum()
+        assert region["area_m2"] == pytest.approx(region["cells"])
+    graph = nx.node_link_graph(json.loads((here / "out/graph.json").read_text()), edges="edges")
+    markup = nx.read_graphml(here / "out/graph.graphml", force_multigraph=True)
+    assert set(graph) == set(markup) == {region["name"] for region in document["regions"]}
+    assert sorted(graph.edges(keys=True)) == sorted(markup.edges(keys=True))
+    assert len(document["edges"]) == 2 * len(document["doorways"]) == graph.number_of_edges()
+    door = document["doorways"][0]
+    assert door["between"] == ["room A", "room B"]
+    assert door["cells"] == [[4, 9]]
+    assert door["width_m"] == pytest.approx(1.0)
+    assert set(document["landmarks"][0]) >= {"name", "kind", "cell"}
+    ready, _ = qualrl("run", "out/scenario.yaml", "-o", "ran", "--json", cwd=here)
+    assert json.loads(ready)["plan"]["places"] == ["room A", "room B"]
+
+
+def test_show_tells_the_same_of_map_and_scenario(here):
+    of_map = json.loads(qualrl("show", "rooms.yaml", "--json", cwd=here)[0])
+    of_scenario = json.loads(qualrl("show", "rooms.scenario.yaml", "--json", cwd=here)[0])
+    assert [region["name"] for region in of_map["regions"]] == ["room A", "room B"]
+    assert [region["name"] for region in of_scenario["regions"]] == ["kitchen", "room B"]
+    text, _ = qualrl("show", "rooms.yaml", cwd=here)
+    assert "room A" in text
+    assert "19 x 9 cells" in text
+    assert "\x1b" not in text
+
+
+def test_learn_then_plan_from_its_folder(here):
+    out, _ = qualrl("learn", "rooms.scenario.yaml", "-o", "out", "--seed", 3, "--episodes", 500, "--algorithm",
+                    "q-learning", "--set", "learn.alpha=0.25", "--json", cwd=here)  # fmt: skip
+    document = json.loads(out)
+    assert (document["seed"], document["episodes"], document["algorithm"]) == (3, 500, "q-learning")
+    assert document["settings"]["alpha"] == 0.25
+    learned = json.loads(qualrl("plan", "out", "--json", cwd=here)[0])
+    assert learned["source"] == "q-learning"
+    exact = json.loads(qualrl("plan", "out", "--exact", "--json", cwd=here)[0])
+    assert exact["source"] == "exact"
+    assert exact["length_steps"] == learned["length_steps"]
+    back = json.loads(qualrl("plan", "out", "--from", "room B", "--to", "kitchen", "--json", cwd=here)[0])
+    assert back["places"] == ["room B", "kitchen"]
+    assert back["source"] == "exact"
+
+
+def test_places_are_names_landmarks_metres_or_cells(here):
+    # origin 1, 2 and 9 rows of 1 m: the centre of row 4, column 9 is x = 10.5, y = 2 + 4.5
+    for place in ("4,9", "10.5,6.5", "door 1"):
+        out, err = qualrl("plan", "rooms.scenario.yaml", "--from", place, "--set", "names={}", "--set",
+                          "start=room A", "--json", cwd=here)  # fmt: skip
+        assert json.loads(out)["path"][0] == [4, 9]
+        assert "nothing has been learned" in err
+
+
+def test_quiet_says_nothing_and_json_goes_nowhere_else(here):
+    out, err = qualrl("run", "rooms.scenario.yaml", "-o", "out", "--quiet", cwd=here)
+    assert (out, err) == ("", "")
+
+
+def test_schema_accepts_the_bundled_scenarios_and_refuses_others(here):
+    schema = json.loads(qualrl("schema", "--json", cwd=here)[0])
+    jsonschema.Draft202012Validator.check_schema(schema)
+    for file in sorted((ROOT / "maps").glob("*.scenario.yaml")):
+        jsonschema.validate(yaml.safe_load(file.read_text()), schema)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({"map": "m.png", "goal": "room A", "gaol": 1}, schema)
+
+
+def test_bundled_scenarios_are_found_by_name(here):
+    by_name = json.loads(qualrl("show", "puzzle", "--json", cwd=here)[0])
+    by_path = json.loads(qualrl("show", ROOT / "maps/puzzle.scenario.yaml", "--json", cwd=here)[0])
+    assert by_name["regions"] == by_path["regions"]
+
+
+WRONG = {
+    "no such scenario file": ("run", "nothing.yaml"),
+    "did you mean 'gamma'": ("run", "unknown-key.yaml"),
+    "unknown-key.yaml:4:3: learn.gama": ("run", "unknown-key.yaml"),
+    "did you mean 'room B'": ("plan", "rooms.scenario.yaml", "--to", "rom B"),
+    "in a wall": ("plan", "rooms.scenario.yaml", "--from", "0,0"),
+    "outside the map": ("plan", "rooms.scenario.yaml", "--from", "0,500"),
+    "empty": ("run", "empty.yaml"),
+    "no pixel is free": ("convert", "black.png"),
+    "holds no hybrid_mdp.npz": ("plan", "."),
+    "--set learn.alhpa": ("learn", "rooms.scenario.yaml", "--set", "learn.alhpa=1"),
+    "must be": ("learn", "rooms.scenario.yaml", "--episodes", "0"),
+    "No such command": ("lern",),
+    "No such option": ("run", "--hurry"),
+}
+
+
+@pytest.mark.parametrize("expected", WRONG)
+def test_bad_input_is_one_clear_line_and_exit_code_2(here, expected):
+    (here / "unknown-key.yaml").write_text("map: rooms.yaml\ngoal: room B\nlearn:\n  gama: 0.9\n")
+    (here / "empty.yaml").write_text("")
+    cv2.imwrite(str(here / "black.png"), np.zeros((5, 5), np.uint8))
+    before = sorted(os.listdir(here))
+    out, err = qualrl(*WRONG[expected], cwd=here, expect=2)
+    assert out == ""
+    assert expected in err
+    assert sorted(os.listdir(here)) == before
+
+
+def test_every_mistake_in_a_scenario_is_told_at_once(here):
+    (here / "bad.yaml").write_text("map: 7\ngaol: room B\nlearn:\n  gamma: 1.5\n  alpha: fast\n")
+    _, err = qualrl("run", "bad.yaml", cwd=here, expect=2)
+    assert [line for line in ("bad.yaml:1:", "bad.yaml:2:1", "bad.yaml:4:", "bad.yaml:5:") if line not in err] == []
+    assert "did you mean 'goal'" in err
+
+
+def test_no_plan_is_exit_code_1_and_leaves_no_folder(here):
+    draw(here, "islands", "#######\n#..#..#\n#..#..#\n#######")
+    (here / "islands.scenario.yaml").write_text("map: islands.yaml\nstart: [1, 1]\ngoal: [1, 5]\n")
+    _, err = qualrl("run", "islands.scenario.yaml", "-o", "out", cwd=here, expect=1)
+    assert "no way leads" in err
+    assert not (here / "out").exists()
+
+
+def test_our_fault_is_exit_code_3_and_debug_shows_where(here, tmp_path):
+    plant = tmp_path / "sitecustomize.py"
+    plant.write_text(
+        "import sys\nclass Broken:\n    def find_spec(self, name, *rest):\n"
+        "        if name == 'qualrl.spatial.segmentation':\n            raise RuntimeError('planted')\n"
+        "sys.meta_path.insert(0, Broken())\n"
+    )
+    _, err = qualrl("show", "rooms.yaml", cwd=here, expect=3, PYTHONPATH=str(tmp_path))
+    assert "our fault: RuntimeError: planted" in err
+    done = subprocess.run(
+        [sys.executable, ROOT / "cli.py", "show", "rooms.yaml", "--debug"], cwd=here, capture_output=True, text=True,
+        env=os.environ | {"PYTHONPATH": str(tmp_path)}, check=False,
+    )  # fmt: skip
+    assert done.returncode == 3
+    assert "Traceback" in done.stderr
+
+
+def test_output_is_never_half_written(here):
+    (here / "taken").write_text("mine")
+    _, err = qualrl("run", "rooms.scenario.yaml", "-o", "taken", cwd=here, expect=2)
+    assert "is a file" in err
+    assert (here / "taken").read_text() == "mine"
+    assert not [name for name in os.listdir(here) if name.endswith(".part")]
+
+
+def test_names_from_a_scenario_cannot_leave_the_folder_or_break_markup(here):
+    nasty = "<script>[bold]../../x\\ \" '"
+    text = SCENARIO.replace("kitchen", json.dumps(nasty)).replace("start: room A", f"start: {json.dumps(nasty)}")
+    (here / "nasty.yaml").write_text(text)
+    document = json.loads(qualrl("run", "nasty.yaml", "-o", "out", "--json", cwd=here)[0])
+    assert document["plan"]["places"][0] == nasty
+    assert nasty in qualrl("show", "nasty.yaml", cwd=here, COLUMNS="200")[0]
+    assert nasty in nx.read_graphml(here / "out/graph.graphml")
+    assert sorted(os.listdir(here)) == ["nasty.yaml", "out", "rooms.png", "rooms.scenario.yaml", "rooms.yaml"]
+
+
+def test_puzzle_drawing_of_the_tests_is_the_bundled_map():
+    pixels = cv2.imread(str(ROOT / "maps/puzzle.png"), cv2.IMREAD_GRAYSCALE)
+    drawn = np.array([list(row) for row in PUZZLE.strip().splitlines()])
+    np.testing.assert_array_equal(pixels == 0, drawn == "#")
