@@ -160,7 +160,7 @@ def learn(step, terminal, starts, n_states, n_actions, *, gamma, alpha, epsilon,
                         n = counts.get(pair, 0) if counter == "pair" else run_count
                         counts[pair] = counts.get(pair, 0) + 1
                         run_count += 1
-                        eta = eta0 ** (power**n) if n < 400 else 0.0
+                        eta = eta0 ** math.prod([power] * n) if n < 400 else 0.0
                         old = q[left["at"]][left["by"]]
                         q[left["at"]][left["by"]] = old + eta * (upper[arc] - old)
                     at_landmark = here

@@ -15,6 +15,8 @@ from qualrl.models.hybrid_mdp import HybridMDP
 def learn_with_progress(scenario: Scenario, model: HybridMDP, console: Console) -> Training:
     """Train as the scenario says."""
     settings = scenario.learn.model_dump(exclude={"algorithm", "gamma"})
+    if console.quiet or not sys.stderr.isatty():
+        return train(model, scenario.learn.algorithm, seed=scenario.seed, **settings)
     with Progress(
         TextColumn(f"learning ({scenario.learn.algorithm})"),
         BarColumn(),
@@ -23,7 +25,6 @@ def learn_with_progress(scenario: Scenario, model: HybridMDP, console: Console) 
         TextColumn("{task.fields[steps]} steps, return {task.fields[gain]}, left"),
         TimeRemainingColumn(),
         console=RichConsole(file=sys.stderr),
-        disable=console.quiet or not sys.stderr.isatty(),
         transient=True,
     ) as bar:
         task = bar.add_task("", total=scenario.learn.episodes, steps=0, gain="-")

@@ -25,6 +25,7 @@ from pydantic import (
 from qualrl.errors import PlaceError, ScenarioError, shown
 from qualrl.io.positioned_yaml import KeyPath, PositionedYaml, parse_yaml, read_scalar, read_yaml
 from qualrl.io.scenario_errors import dotted, explained
+from qualrl.learning.settings import MOST_EPISODES
 from qualrl.spatial.place import MOST_CHARACTERS, Place, PlaceCell, PlaceMetres, PlaceName, read_place
 
 if TYPE_CHECKING:  # what builds models is heavy, and loads when a model is built
@@ -104,7 +105,7 @@ class LearnSettings(_Strict):
     """How the robot learns."""
 
     algorithm: Literal["q-learning", "hql"] = Field(default="hql", description="q-learning, or hql (hierarchical)")
-    episodes: Count = Field(default=2000, description="number of episodes")
+    episodes: Whole = Field(default=2000, ge=1, le=MOST_EPISODES, description="number of episodes")
     gamma: float = Field(default=0.99, ge=0, lt=1, description="discount of a step, below 1")
     alpha: float = Field(default=0.1, gt=0, le=1, description="learning rate")
     epsilon: float = Field(default=0.1, ge=0, le=1, description="probability of an exploring move")

@@ -70,10 +70,10 @@ class Upper(NamedTuple):
     """(E,) how often each arc was travelled, updated."""
     pair_count: NDArray[np.int64]
     """(L * A,) how often the landmark step was made for each landmark and action, updated."""
-    eta0: float
-    eta_power: float
+    eta: Floats
+    """(N,) weight of the n-th landmark step; those after the last weigh nothing."""
     counter: int
-    """Which count n the weight eta0 ** (eta_power ** n) uses: COUNT_RUN, COUNT_PAIR or COUNT_EPISODE."""
+    """What n counts: COUNT_RUN, COUNT_PAIR or COUNT_EPISODE."""
 
 
 class Progress(NamedTuple):
@@ -202,8 +202,8 @@ def _landmark_step(
     pair = left * n_actions + by
     n = upper.pair_count[pair] if upper.counter == COUNT_PAIR else eta_steps
     upper.pair_count[pair] += 1
-    eta = upper.eta0 ** (upper.eta_power ** float(n)) if n < 400 else 0.0
-    q[at * n_actions + by] += eta * (upper.arc_q[arc] - q[at * n_actions + by])
+    if n < upper.eta.size:
+        q[at * n_actions + by] += upper.eta[n] * (upper.arc_q[arc] - q[at * n_actions + by])
     return eta_steps + 1
 
 

@@ -82,7 +82,7 @@ def local_thickness(distance: Floats, shrink: float, less: float) -> Floats:
 
 
 @compiled
-def flat_zones(thickness: Floats, order: Ints, rules: Floats) -> tuple[Ints, int]:
+def flat_zones(thickness: Floats, distance: Floats, order: Ints, rules: Floats) -> tuple[Ints, int]:
     """Zones of alike thickness: (H, W) zone of each cell, -1 where thickness is 0; and their number.
 
     order (free cells,): flat indices from thick to thin.  A cell joins the zone beside it unless that would
@@ -91,7 +91,7 @@ def flat_zones(thickness: Floats, order: Ints, rules: Floats) -> tuple[Ints, int
     """
     pinch, step, bulge = rules[0], rules[1], rules[5]
     height, width = thickness.shape
-    flat = thickness.ravel()
+    flat, way = thickness.ravel(), distance.ravel()
     parent = np.full(flat.size, -1, np.int32)
     peak = flat.copy()
     core = np.ones(flat.size, np.float32)
@@ -115,7 +115,7 @@ def flat_zones(thickness: Floats, order: Ints, rules: Floats) -> tuple[Ints, int
             low, high = min(peak[a], peak[b]), max(peak[a], peak[b])
             if a == b or flat[cell] < step * high:
                 continue
-            if flat[cell] >= pinch * low or min(core[a], core[b]) < bulge * flat[cell] ** 2:
+            if way[cell] >= pinch * low or min(core[a], core[b]) < bulge * way[cell] ** 2:
                 if peak[b] < peak[a]:
                     a, b = b, a
                 parent[a] = b
@@ -225,8 +225,11 @@ def join_zones(
             if host < 0:
                 continue
             parent[zone] = host
+            if rules[6] > 0:
+                peak[host] = (peak[host] * area[host] + peak[zone] * area[zone]) / (area[host] + area[zone])
+            else:
+                peak[host] = max(peak[host], peak[zone])
             area[host] += area[zone]
-            peak[host] = max(peak[host], peak[zone])
             if last[host] < 0:
                 first[host] = first[zone]
             else:
@@ -291,7 +294,7 @@ def _host(
         if area[zone] < min_area or area[zone] < roomy * width * width:
             fits = True
         else:
-            level = peak[other] >= peak[zone] and width >= pinch * peak[zone]
+            level = peak[other] >= rules[7] * peak[zone] and width >= pinch * peak[zone]
             corridor = area[zone] >= slender * peak[zone] ** 2 and width < step * peak[other]
             fits = level and not (corridor and contact < long * peak[zone])
         if fits and contact > best_width:

@@ -5,6 +5,8 @@ from dataclasses import dataclass, fields
 from qualrl.errors import SettingError
 
 ETA_COUNTERS = ("run", "pair", "episode")
+MOST_EPISODES = 10_000_000
+MOST_WEIGHTS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -33,13 +35,22 @@ class LearnSettings:
     """
 
     def __post_init__(self) -> None:
-        self._check("episodes", self.episodes >= 1, "at least 1")
+        self._check("episodes", 1 <= self.episodes <= MOST_EPISODES, f"from 1 to {MOST_EPISODES:,}")
         self._check("alpha", 0 < self.alpha <= 1, "above 0 and at most 1")
         self._check("epsilon", 0 <= self.epsilon <= 1, "from 0 to 1")
         self._check("max_steps", self.max_steps is None or self.max_steps >= 1, "at least 1, or None")
         self._check("eta0", 0 <= self.eta0 < 1, "at least 0 and less than 1")
         self._check("eta_power", self.eta_power > 1, "above 1")
         self._check("eta_counter", self.eta_counter in ETA_COUNTERS, f"one of {', '.join(ETA_COUNTERS)}")
+
+    def eta_weights(self) -> list[float]:
+        """eta_n = eta_0 ** (m ** n) for n = 0, 1, ... until it is 0 in float64, or MOST_WEIGHTS of them."""
+        weights: list[float] = []
+        exponent = 1.0
+        while len(weights) < MOST_WEIGHTS and (weight := self.eta0**exponent) > 0:
+            weights.append(weight)
+            exponent *= self.eta_power
+        return weights
 
     def _check(self, name: str, good: bool, must: str) -> None:
         if not good:

@@ -104,7 +104,7 @@ def _upper(model: HybridMDP, rule: LearningRule, settings: LearnSettings) -> ker
     return kernel.Upper(
         level.landmark_of, level.arc_start, level.arc_target, np.zeros(len(level.arc_target)),
         np.zeros(len(level.arc_target), np.int64), np.zeros(len(level.names) * model.world.n_actions, np.int64),
-        settings.eta0, settings.eta_power, ETA_COUNTERS.index(settings.eta_counter),
+        np.array(settings.eta_weights()), ETA_COUNTERS.index(settings.eta_counter),
     )  # fmt: skip
 
 

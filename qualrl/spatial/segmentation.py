@@ -25,15 +25,18 @@ from qualrl.spatial.naming import name_regions, ordered
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.region_map import Region, RegionMap
 
-STEP = 0.7
+STEP = 0.6
 """A corridor ends where it opens into a place so much thicker that its own thickness is less than this share."""
 SLENDER = 6.0
 """A corridor's area is at least this many squares of its half-width."""
-LONG = 4.0
+LONG = 5.0
 """The end of a corridor is at most this many of its half-widths long."""
 ROOMY = 6.0
 """A place's area is at least this many squares of the half-width of the way into it."""
-BULGE = 6.0
+BULGE = 1.0
+MEAN=1.0
+LEVEL=1.0
+PINCH2=.85
 SHRINK=1.0
 LESS=0.0
 BLOCK_M2 = 4.0
@@ -189,15 +192,20 @@ def _decluttered(free: Flags, cell_m: float, furniture_m: float) -> tuple[Flags,
 def _regions_of(view: _View, min_area: float, pinch: float) -> Labels:
     """(h, w) region of each cell of the view, -1 where it is not free."""
     thickness = view.thickness
-    rules = np.array([pinch, STEP, SLENDER, LONG, ROOMY, BULGE], np.float32)
+    rules = np.array([pinch, STEP, SLENDER, LONG, ROOMY, BULGE, MEAN, LEVEL], np.float32)
     key = np.minimum(thickness * 16, 65535).astype(np.uint16).ravel()
     cells = np.flatnonzero(key|view.free.ravel())
+    near = np.minimum(view.distance * 16, 65535).astype(np.uint16).ravel()
+    cells = cells[np.argsort(65535 - near[cells], kind="stable")]
     order = cells[np.argsort(65535 - key[cells], kind="stable")].astype(np.int32)
-    zone, count = kernels.flat_zones(thickness, order, rules)
+    zone, count = kernels.flat_zones(thickness, view.distance, order, rules)
     area = np.bincount(zone[zone >= 0], minlength=count).astype(np.float32)
     peak = np.zeros(count, np.float32)
     np.maximum.at(peak, zone[zone >= 0], thickness[zone >= 0])
-    pair, saddle = kernels.contacts(zone, thickness)
+    if MEAN:
+        peak = (np.bincount(zone[zone >= 0], thickness[zone >= 0], minlength=count) / area).astype(np.float32)
+    rules[0] = PINCH2
+    pair, saddle = kernels.contacts(zone, view.distance)
     key, edge, length = np.unique(
         pair[:, 0].astype(np.int64) * count + pair[:, 1], return_inverse=True, return_counts=True
     )
