@@ -280,7 +280,7 @@ SCENARIOS = st.builds(
     learn=st.builds(
         LearnSettings,
         algorithm=st.sampled_from(["q-learning", "hql"]),
-        episodes=COUNTS,
+        episodes=st.integers(1, 10_000_000),
         gamma=SHARES,
         alpha=st.floats(0, 1, exclude_min=True),
         epsilon=st.floats(0, 1),

@@ -105,7 +105,7 @@ class LearnSettings(_Strict):
     """How the robot learns."""
 
     algorithm: Literal["q-learning", "hql"] = Field(default="hql", description="q-learning, or hql (hierarchical)")
-    episodes: Whole = Field(default=2000, ge=1, le=MOST_EPISODES, description="number of episodes")
+    episodes: Count = Field(default=2000, le=MOST_EPISODES, description="number of episodes")
     gamma: float = Field(default=0.99, ge=0, lt=1, description="discount of a step, below 1")
     alpha: float = Field(default=0.1, gt=0, le=1, description="learning rate")
     epsilon: float = Field(default=0.1, ge=0, le=1, description="probability of an exploring move")

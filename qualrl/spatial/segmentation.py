@@ -27,7 +27,7 @@ from qualrl.spatial.region_map import Region, RegionMap
 
 STEP = 0.6
 """A corridor ends where it opens into a place so much thicker that its own thickness is less than this share."""
-SLENDER = 6.0
+SLENDER = 9.0
 """A corridor's area is at least this many squares of its half-width."""
 LONG = 5.0
 """The end of a corridor is at most this many of its half-widths long."""
@@ -35,13 +35,13 @@ ROOMY = 6.0
 """A place's area is at least this many squares of the half-width of the way into it."""
 BULGE = 1.0
 MEAN=1.0
-LEVEL=1.0
+LEVEL=0.0
 PINCH2=.85
 SHRINK=1.0
 LESS=0.0
 BLOCK_M2 = 4.0
 """Free-standing things of less area than this are furniture if they are about as long as wide."""
-WHISKER_M = 0.05
+WHISKER_M = 0.12
 """Passages of less than about two of these are seen past: gaps between scan lines, not ways."""
 COARSE_CELLS = 4.0
 """Half-width, in cells, below which a map counts as drawn in few cells."""
