@@ -191,6 +191,8 @@ WRONG = {
     "holds no hybrid_mdp.npz": ("plan", "."),
     "--set learn.alhpa": ("learn", "rooms.scenario.yaml", "--set", "learn.alhpa=1"),
     "must be": ("learn", "rooms.scenario.yaml", "--episodes", "0"),
+    "is a map, not a scenario; 'qualrl convert rooms.yaml'": ("run", "rooms.yaml"),
+    "is a scenario, not a map": ("convert", "rooms.scenario.yaml"),
     "No such command": ("lern",),
     "No such option": ("run", "--hurry"),
 }

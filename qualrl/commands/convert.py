@@ -23,9 +23,10 @@ def convert(
 ) -> None:
     """Turn a map into a hybrid MDP, with pictures, graph files and a scenario ready to edit and run."""
     from qualrl.commands.documents import file_list, map_document
-    from qualrl.commands.inputs import found, output_folder
+    from qualrl.commands.inputs import found, is_scenario, output_folder
     from qualrl.commands.results import write_map_files
     from qualrl.commands.tables import print_files, print_map
+    from qualrl.errors import MapError
     from qualrl.io.output_folder import OutputFolder
     from qualrl.io.read_map import read_map
     from qualrl.io.suggestion import suggested_scenario
@@ -33,6 +34,8 @@ def convert(
 
     console = Console(as_json, quiet)
     path = found(source, ".yaml")
+    if path.is_file() and is_scenario(path):
+        raise MapError(f"{path}: is a scenario, not a map; 'qualrl run {path}' runs it")
     regions = segment(read_map(path, resolution_m=resolution_m))
     for warning in regions.grid.warnings:
         console.note(f"{regions.grid.source}: {warning}")

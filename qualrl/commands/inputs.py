@@ -29,7 +29,7 @@ def found(argument: str, suffix: str) -> Path:
 
 
 def is_scenario(path: Path) -> bool:
-    """Whether a file is a scenario rather than a map: by its name, or by its having a goal and no image."""
+    """Whether a file is a scenario rather than a map: by its name, or by its having no image."""
     if path.name.endswith(SCENARIO_SUFFIX) or path.name == "scenario.yaml":
         return True
     if path.suffix.lower() not in (".yaml", ".yml"):
@@ -37,7 +37,7 @@ def is_scenario(path: Path) -> bool:
     from qualrl.io.positioned_yaml import read_yaml
 
     data = read_yaml(path, what="scenario or map", error=ScenarioError).data
-    return isinstance(data, dict) and "goal" in data and "image" not in data
+    return not (isinstance(data, dict) and "image" in data)
 
 
 def scenario_of(
@@ -48,7 +48,10 @@ def scenario_of(
     seed: int | None = None,
 ) -> Scenario:
     """The scenario of a command line: the file, then --set, then the options that have a name of their own."""
-    scenario = load_scenario(found(argument, SCENARIO_SUFFIX))
+    path = found(argument, SCENARIO_SUFFIX)
+    if path.is_file() and not is_scenario(path):
+        raise ScenarioError(f"{path}: is a map, not a scenario; 'qualrl convert {path}' makes a scenario of it")
+    scenario = load_scenario(path)
     changes = list(settings or [])
     changes += [] if algorithm is None else [f"learn.algorithm={algorithm}"]
     changes += [] if episodes is None else [f"learn.episodes={episodes}"]

@@ -40,9 +40,9 @@ def plan(
     else:
         scenario = scenario_of(source, settings)
         known = scenario.build()
+    made = api.plan(known, start, goal=goal, exact=exact)
     if not isinstance(known, api.Training) and not exact:
         console.note("nothing has been learned here yet, so the plan is the exact one; 'qualrl run' learns first")
-    made = api.plan(known, start, goal=goal, exact=exact)
     console.result(made.to_dict(), lambda: print_plan(made))
 
 

@@ -4,15 +4,15 @@ n cells of the region, m cells beyond the door, A moves.  The region is solved o
 other doors shut, with the values beyond the door as its boundary (paper, equation (10)).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
-import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels import bellman
 from qualrl.kernels.grid import breadth_first
-from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.values import PlanValues
 from qualrl.qualitative.graph import crossings_of
@@ -30,60 +30,89 @@ class Choice:
     """Its shifted value."""
 
 
-def choices_at(model: HybridMDP, regions: RegionMap, state: int, values: PlanValues) -> list[Choice]:
-    """The doors of a state's region that lead on to the goal without coming back, best first."""
-    region = int(model.region_of[state])
-    found = []
-    for door in regions.doorways:
-        if region in door.pair:
-            beyond = door.pair[1] if door.pair[0] == region else door.pair[0]
-            if _leads_on(model, region, beyond):
-                found.append(Choice(door, beyond, _value_through(model, regions, state, door, values)))
-    return sorted(found, key=lambda choice: -choice.shifted)
+@dataclass(frozen=True, eq=False)
+class Chooser:
+    """The choices of a model, by the values of a plan."""
+
+    model: HybridMDP
+    regions: RegionMap
+    values: PlanValues
+
+    def at(self, state: int) -> list[Choice]:
+        """The doors of a state's region that lead on to the goal without coming back, best first."""
+        region = int(self.model.region_of[state])
+        onward = self._regions_of_the_goal_without(region)
+        doors = [(door, beyond) for door, beyond in self._doors[region] if beyond in onward]
+        room = _Room(self.model, self._states[region])
+        found = [
+            Choice(door, beyond, room.value_through(self._cells_beyond(door, beyond), state, self.values))
+            for door, beyond in doors
+        ]
+        return sorted(found, key=lambda choice: -choice.shifted)
+
+    @cached_property
+    def _doors(self) -> list[list[tuple[Doorway, int]]]:
+        """Doors of each region, with the region beyond."""
+        doors: list[list[tuple[Doorway, int]]] = [[] for _ in self.regions.regions]
+        for door in self.regions.doorways:
+            doors[door.pair[0]].append((door, door.pair[1]))
+            doors[door.pair[1]].append((door, door.pair[0]))
+        return doors
+
+    @cached_property
+    def _states(self) -> list[NDArray[np.int64]]:
+        """States of each region, in rising order."""
+        order = np.argsort(self.model.region_of, kind="stable")
+        return np.split(order, np.cumsum([region.cells for region in self.regions.regions])[:-1])
+
+    def _regions_of_the_goal_without(self, left: int) -> set[int]:
+        """Regions from which the goal's can be reached without passing a region (all, if that is the goal's)."""
+        goal = int(self.model.region_of[self.model.grid.goal])
+        if goal == left:
+            return set(range(len(self._doors)))
+        reached, edge = {goal}, [goal]
+        while edge:
+            new = {beyond for region in edge for _, beyond in self._doors[region]} - reached - {left}
+            reached |= new
+            edge = list(new)
+        return reached
+
+    def _cells_beyond(self, door: Doorway, region: int) -> list[int]:
+        """States on the far side of a door that are not the goal, unless it is the only one."""
+        side = door.pair.index(region)
+        world = self.model.grid
+        states = sorted({int(world.state_of[pair[side]]) for pair in crossings_of(self.regions, door)})
+        return [state for state in states if state != world.goal] or states
 
 
-def _leads_on(model: HybridMDP, left: int, entered: int) -> bool:
-    """Whether the goal's region can be reached from a region without passing the one just left."""
-    goal = model.region_names[model.region_of[model.grid.goal]]
-    names = model.region_names
-    if goal == names[left]:
-        return True
-    rest = nx.restricted_view(model.graph, [names[left]], [])
-    return bool(nx.has_path(rest, names[entered], goal))
+class _Room:
+    """A region as a small world of its own, its cells numbered from 0."""
 
+    def __init__(self, model: HybridMDP, inside: NDArray[np.int64]) -> None:
+        self.world = model.grid
+        self.inside = inside
+        target = self.world.successor[inside].astype(np.int64)
+        position = np.minimum(np.searchsorted(inside, target), len(inside) - 1)
+        own = np.arange(len(inside))[:, None]
+        shut = (inside[position] != target) | (target == self.world.goal)
+        self.successor = np.where(shut, own, position).astype(np.uint32)
 
-def _value_through(model: HybridMDP, regions: RegionMap, state: int, door: Doorway, values: PlanValues) -> float:
-    world = model.grid
-    inside = np.flatnonzero(model.region_of == model.region_of[state])
-    successor, beyond = _region_with_exit(world, regions, inside, door)
-    n = len(inside)
-    value = np.concatenate([np.zeros(n), values.shifted[beyond]])
-    order, _ = breadth_first(successor, np.arange(n, len(value)))
-    bellman.solve_grid(
-        successor, world.move_reward + values.shift * (1 - world.gamma), -1, 0.0, world.gamma, world.slip,
-        order[order < n], value, TOLERANCE, MAX_SWEEPS,
-    )  # fmt: skip
-    return float(value[np.searchsorted(inside, state)])
-
-
-def _region_with_exit(
-    world: GridWorld, regions: RegionMap, inside: NDArray[np.int64], door: Doorway
-) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
-    """(successor (n + m, A) in the region's own numbers, states beyond the door (m,)).
-
-    Moves that would leave by another way, or reach the goal, lead nowhere.
-    """
-    here = regions.label[tuple(world.cells[inside[0]])]
-    crossings = crossings_of(regions, door)
-    exits = {pair[1] if door.pair[0] == here else pair[0] for pair in crossings}
-    beyond = np.array(sorted(int(world.state_of[cell]) for cell in exits), np.int64)
-    beyond = beyond[beyond != world.goal] if len(beyond) > 1 else beyond
-    states = np.concatenate([inside, beyond])
-    target = world.successor[states].astype(np.int64)
-    local = np.full(target.shape, -1, np.int64)
-    for part, offset in ((inside, 0), (beyond, len(inside))):
-        position = np.minimum(np.searchsorted(part, target), len(part) - 1)
-        known = part[position] == target
-        local[known] = position[known] + offset
-    own = np.arange(len(states))[:, None]
-    return np.where(local < 0, own, local).astype(np.uint32), beyond
+    def value_through(self, beyond: Sequence[int], state: int, values: PlanValues) -> float:
+        """Shifted value of a state when the only way out leads to the states ``beyond``."""
+        n, world = len(self.inside), self.world
+        successor = np.concatenate([self.successor, np.tile(np.arange(n, n + len(beyond)), (world.n_actions, 1)).T])
+        successor = successor.astype(np.uint32)
+        for exit_number, outside in enumerate(beyond, n):
+            for back, near in enumerate(world.successor[outside].tolist()):
+                at = int(np.searchsorted(self.inside, near))
+                if at < n and self.inside[at] == near:  # a door leads both ways
+                    successor[at, world.successor[near] == outside] = exit_number
+                    successor[exit_number, back] = at
+        value = np.concatenate([np.zeros(n), values.shifted[list(beyond)]])
+        best = n + int(np.argmax(value[n:]))  # a door is narrow: nearly all ways lead over its best cell
+        order, _ = breadth_first(successor, np.array([best]))
+        bellman.solve_grid(
+            successor, world.move_reward + values.shift * (1 - world.gamma), -1, 0.0, world.gamma, world.slip,
+            order[order < n], value, TOLERANCE, MAX_SWEEPS,
+        )  # fmt: skip
+        return float(value[np.searchsorted(self.inside, state)])

@@ -8,7 +8,7 @@ from qualrl.errors import NoPlanError
 from qualrl.learning.run import LearningRun
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
-from qualrl.planning.choices import Choice, choices_at
+from qualrl.planning.choices import Choice, Chooser
 from qualrl.planning.legs import Leg, legs_of
 from qualrl.planning.plan import Plan, Step
 from qualrl.planning.values import PlanValues, exact_plan_values, learned_plan_values
@@ -55,7 +55,11 @@ def plan_from_run(run: LearningRun, start: int, names: tuple[str, str]) -> Plan:
 
 def _plan(model: HybridMDP, walk: list[int], values: PlanValues, names: tuple[str, str], notes: Sequence[str]) -> Plan:
     legs = legs_of(model, walk)
-    steps = [_step(model, walk, leg, following, values) for leg, following in zip(legs, [*legs[1:], None], strict=True)]
+    chooser = None if model.regions is None else Chooser(model, model.regions, values)
+    steps = [
+        _step(model, walk, leg, following, values, chooser)
+        for leg, following in zip(legs, [*legs[1:], None], strict=True)
+    ]
     notes = list(notes)
     if isinstance(model.world, GridWorld) and model.world.slip > 0:
         notes.append(
@@ -86,7 +90,9 @@ def _length_m(model: HybridMDP, walk: Sequence[int]) -> float | None:
     return float(np.hypot(moves[:, 0], moves[:, 1]).sum() * model.regions.grid.resolution_m)
 
 
-def _step(model: HybridMDP, walk: list[int], leg: Leg, following: Leg | None, values: PlanValues) -> Step:
+def _step(
+    model: HybridMDP, walk: list[int], leg: Leg, following: Leg | None, values: PlanValues, chooser: Chooser | None
+) -> Step:  # fmt: skip
     end = leg.last if following is None else following.first
     part = walk[leg.first : end + 1]
     length_m = _length_m(model, part)
@@ -96,11 +102,12 @@ def _step(model: HybridMDP, walk: list[int], leg: Leg, following: Leg | None, va
         reason = f"the goal is in {place}, {len(part) - 1} steps on" if len(part) > 1 else "this is the goal"
         return Step(place, "walk to the goal", place, value, reason, None, None, None, len(part) - 1, length_m)
     to = model.region_names[following.region]
-    if model.regions is None:
+    if chooser is None:
         return _step_without_map(model, walk[leg.first], place, to, len(part) - 1, values)
-    door = _door_taken(model, model.regions, leg.region, following.region, walk[end - 1], walk[end])
-    choices = choices_at(model, model.regions, walk[leg.first], values)
-    return _step_through(model, place, door, following.region, choices, len(part) - 1, length_m, values)
+    door = _door_taken(model, chooser.regions, leg.region, following.region, walk[end - 1], walk[end])
+    return _step_through(
+        model, place, door, following.region, chooser.at(walk[leg.first]), len(part) - 1, length_m, values
+    )
 
 
 def _door_taken(model: HybridMDP, regions: RegionMap, here: int, there: int, last: int, first: int) -> Doorway:
