@@ -6,11 +6,14 @@ import sys
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ParamSpec
+from typing import TYPE_CHECKING, Any, ParamSpec
 
 import typer
 
 from qualrl.errors import QualrlError
+
+if TYPE_CHECKING:
+    from qualrl.spatial.region_map import RegionMap
 
 Parameters = ParamSpec("Parameters")
 
@@ -30,6 +33,11 @@ class Console:
             print(json.dumps(document, ensure_ascii=False))
         elif not self.quiet:
             show()
+
+    def warn_of(self, regions: "RegionMap") -> None:
+        """What the reader of a map found odd."""
+        for warning in regions.grid.warnings:
+            self.note(f"{regions.grid.source}: {warning}")
 
     def note(self, text: str) -> None:
         """A remark on stderr."""

@@ -37,8 +37,7 @@ def convert(
     if path.is_file() and is_scenario(path):
         raise MapError(f"{path}: is a scenario, not a map; 'qualrl run {path}' runs it")
     regions = segment(read_map(path, resolution_m=resolution_m))
-    for warning in regions.grid.warnings:
-        console.note(f"{regions.grid.source}: {warning}")
+    console.warn_of(regions)
     target = output_folder(output, path)
     scenario = suggested_scenario(regions, _map_from(path, target), resolution_m)
     model = scenario.build(regions)

@@ -30,26 +30,24 @@ def learn(
 ) -> None:
     """Learn a scenario, beside the exact optimum."""
     from qualrl.commands.documents import file_list, learn_document
-    from qualrl.commands.inputs import output_folder, scenario_of
     from qualrl.commands.progress import learn_with_progress
     from qualrl.commands.results import write_learning_files, write_map_files
     from qualrl.commands.scenario_copy import scenario_copy
+    from qualrl.commands.session import open_session
     from qualrl.commands.tables import print_files, print_learning
     from qualrl.io.output_folder import OutputFolder
 
     console = Console(as_json, quiet)
-    scenario = scenario_of(scenario_file, settings, algorithm, episodes, seed)
-    target = output_folder(output, scenario.map_path if scenario.path is None else scenario.path)
-    model = scenario.build()
-    training = learn_with_progress(scenario, model, console)
-    document = learn_document(training)
-    with OutputFolder(target) as folder:
-        names = write_map_files(folder, model, scenario_copy(scenario, model, target))
+    opened = open_session(console, scenario_file, output, settings, algorithm, episodes, seed)
+    with OutputFolder(opened.target) as folder:
+        training = learn_with_progress(opened.scenario, opened.model, console)
+        document = learn_document(training)
+        names = write_map_files(folder, opened.model, scenario_copy(opened.scenario, opened.regions, opened.target))
         names += write_learning_files(folder, training, json.dumps(document))
-    document["files"] = file_list(target, names)
+    document["files"] = file_list(opened.target, names)
 
     def for_people() -> None:
         print_learning(training)
-        print_files(target, names)
+        print_files(opened.target, names)
 
     console.result(document, for_people)

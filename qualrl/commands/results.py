@@ -1,5 +1,7 @@
 """The files of a result folder."""
 
+import json
+
 from qualrl.api import Training
 from qualrl.io.graph_file import write_graph_json, write_graphml
 from qualrl.io.label_image import write_label_image
@@ -33,6 +35,12 @@ def write_learning_files(folder: OutputFolder, training: Training, document: str
     folder.path("learn.json").write_text(document + "\n", encoding="utf-8")
     draw_learning_curve(training, folder.path("learning_curve.png"))
     return [TRAINING_FILE, "learn.json", "learning_curve.png"]
+
+
+def write_plan(folder: OutputFolder, plan: Plan) -> str:
+    """Write the plan as JSON.  Returns the name."""
+    folder.path("plan.json").write_text(json.dumps(plan.to_dict(), indent=1) + "\n", encoding="utf-8")
+    return "plan.json"
 
 
 def _title(plan: Plan | None) -> str:

@@ -31,41 +31,35 @@ def run(
     """Read a scenario, parse its map, learn, and explain the plan; pictures and files go into a folder."""
     from qualrl.api import farthest_start
     from qualrl.commands.documents import file_list, learn_document, map_document
-    from qualrl.commands.inputs import output_folder, scenario_of
     from qualrl.commands.progress import learn_with_progress
-    from qualrl.commands.results import write_learning_files, write_map_files
+    from qualrl.commands.results import write_learning_files, write_map_files, write_plan
     from qualrl.commands.scenario_copy import scenario_copy
+    from qualrl.commands.session import open_session
     from qualrl.commands.tables import print_files, print_learning, print_map, print_plan
     from qualrl.io.output_folder import OutputFolder
 
     console = Console(as_json, quiet)
-    scenario = scenario_of(scenario_file, settings, algorithm, episodes, seed)
-    target = output_folder(output, scenario.map_path if scenario.path is None else scenario.path)
-    model = scenario.build()
-    assert model.regions is not None
-    for warning in model.regions.grid.warnings:
-        console.note(f"{model.regions.grid.source}: {warning}")
-    training = learn_with_progress(scenario, model, console)
-    plan = training.plan(None if model.start is not None else farthest_start(model))
-    learned = learn_document(training)
-    with OutputFolder(target) as folder:
-        names = write_map_files(folder, model, scenario_copy(scenario, model, target), plan)
+    opened = open_session(console, scenario_file, output, settings, algorithm, episodes, seed)
+    model = opened.model
+    with OutputFolder(opened.target) as folder:
+        training = learn_with_progress(opened.scenario, model, console)
+        plan = training.plan(farthest_start(model) if model.start is None else None)
+        learned = learn_document(training)
+        copy = scenario_copy(opened.scenario, opened.regions, opened.target)
+        names = write_map_files(folder, model, copy, plan)
         names += write_learning_files(folder, training, json.dumps(learned))
-        folder.path("plan.json").write_text(json.dumps(plan.to_dict(), indent=1) + "\n", encoding="utf-8")
-    names.append("plan.json")
+        names.append(write_plan(folder, plan))
     document = {
-        **map_document(model.regions, model.graph),
+        **map_document(opened.regions, model.graph),
         "learn": learned,
         "plan": plan.to_dict(),
-        "files": file_list(target, names),
+        "files": file_list(opened.target, names),
     }
 
-    regions = model.regions
-
     def for_people() -> None:
-        print_map(regions)
+        print_map(opened.regions)
         print_learning(training)
         print_plan(plan)
-        print_files(target, names)
+        print_files(opened.target, names)
 
     console.result(document, for_people)

@@ -27,8 +27,7 @@ def show(
     console = Console(as_json, quiet)
     path = found(source, SCENARIO_SUFFIX)
     regions = load_scenario(path).regions() if is_scenario(path) else segment(read_map(path))
-    for warning in regions.grid.warnings:
-        console.note(f"{regions.grid.source}: {warning}")
+    console.warn_of(regions)
     graph = graph_of_regions(regions)
     document = {**map_document(regions, graph), "files": []}
     console.result(document, lambda: print_map(regions))

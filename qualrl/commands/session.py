@@ -1,0 +1,37 @@
+"""What ``learn`` and ``run`` do alike: from the command line to a model that is ready to learn."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from qualrl.commands.console import Console
+from qualrl.commands.inputs import output_folder, scenario_of
+from qualrl.io.scenario import Scenario
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.spatial.region_map import RegionMap
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """A scenario, its map and model, and the folder that results go to."""
+
+    scenario: Scenario
+    regions: RegionMap
+    model: HybridMDP
+    target: Path
+
+
+def open_session(
+    console: Console,
+    scenario_file: str,
+    output: Path | None,
+    settings: list[str] | None,
+    algorithm: str | None,
+    episodes: int | None,
+    seed: int | None,
+) -> Session:
+    """Read the scenario and its map, and build the model; the map's warnings are noted."""
+    scenario = scenario_of(scenario_file, settings, algorithm, episodes, seed)
+    target = output_folder(output, scenario.path or scenario.map_path)
+    regions = scenario.regions()
+    console.warn_of(regions)
+    return Session(scenario, regions, scenario.build(regions), target)
