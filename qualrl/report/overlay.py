@@ -9,8 +9,10 @@ from typing import Literal
 
 import numpy as np
 from matplotlib import patheffects
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -26,6 +28,12 @@ PALETTE = (
 WALL, UNKNOWN, DOOR = "#222222", "#d9d9d9", "#e31a1c"
 DOOR_STYLES: dict[bool, tuple[Literal["-", ":"], str]] = {False: ("-", "door"), True: (":", "opening")}
 MARKS = {"corner": ("s", "#5e3c99"), "junction": ("D", "#1b7837"), "dead end": ("v", "#8c510a")}
+WALL_M = 0.4
+"""Regions this near to each other get different colours."""
+LEAST_NAMED_PX = 24
+"""Smaller regions get no name: it would cover its neighbours'."""
+MANY_MARKS = 400
+"""More landmarks of a kind than this are drawn smaller."""
 LONG_SIDE_PX = (1400, 2600)
 """The picture's longer side lies between these, whatever the map's size."""
 DPI = 100
@@ -62,11 +70,8 @@ def _colours(regions: RegionMap, step: int) -> NDArray[np.float64]:
 
 
 def _colour_numbers(regions: RegionMap) -> list[int]:
-    """A colour for each region: not a neighbour's, and of the rest the least used."""
-    neighbours: list[set[int]] = [set() for _ in regions.regions]
-    for door in regions.doorways:
-        neighbours[door.pair[0]].add(door.pair[1])
-        neighbours[door.pair[1]].add(door.pair[0])
+    """A colour for each region: not that of one behind a door or a wall, and of the rest the least used."""
+    neighbours = _neighbours(regions)
     numbers: list[int] = []
     used = [0] * len(PALETTE)
     for index in range(len(regions.regions)):
@@ -77,29 +82,49 @@ def _colour_numbers(regions: RegionMap) -> list[int]:
     return numbers
 
 
-def _draw_doors(axes: Axes, regions: RegionMap) -> list[Line2D]:
+def _neighbours(regions: RegionMap) -> list[set[int]]:
+    """For each region those within a wall's thickness, straight up, down, left or right."""
+    neighbours: list[set[int]] = [set() for _ in regions.regions]
+    count = len(regions.regions)
+    step = max(1, max(regions.label.shape) // LONG_SIDE_PX[1])
+    label = regions.label[::step, ::step]
+    wall = max(1, round(WALL_M / (regions.grid.resolution_m * step)))
+    for shift in sorted({1, max(1, wall // 2), wall}):
+        for here, there in ((label[shift:], label[:-shift]), (label[:, shift:], label[:, :-shift])):
+            apart = (here != there) & (here >= 0) & (there >= 0)
+            pairs = np.unique(here[apart].astype(np.int64) * count + there[apart])
+            for pair in pairs.tolist():
+                neighbours[pair // count].add(pair % count)
+                neighbours[pair % count].add(pair // count)
+    return neighbours
+
+
+def _draw_doors(axes: Axes, regions: RegionMap) -> list[Artist]:
     """Doors as chords; openings, the borders that no wall narrows, dotted."""
-    handles = {}
-    for door in regions.doorways:
-        style, kind = DOOR_STYLES[door.is_open]
-        ends = door.cells[[0, -1]]
-        marker = "s" if len(door.cells) == 1 else None
-        axes.plot(ends[:, 1], ends[:, 0], linestyle=style, color=DOOR, linewidth=3, marker=marker, markersize=5)
-        handles[kind] = Line2D([], [], color=DOOR, linestyle=style, linewidth=3, label=kind)
-    return list(handles.values())
+    handles: list[Artist] = []
+    for is_open, (style, kind) in DOOR_STYLES.items():
+        doors = [door for door in regions.doorways if door.is_open == is_open]
+        if doors:
+            ends = np.array([door.ends for door in doors], float)[:, :, ::-1]
+            single = (ends[:, 0] == ends[:, 1]).all(axis=1)  # a door of one cell is a mark as wide as it
+            ends[single] += np.array([[-0.3, 0.0], [0.3, 0.0]])
+            axes.add_collection(LineCollection(list(ends), colors=DOOR, linestyles=style, linewidths=3))
+            handles.append(Line2D([], [], color=DOOR, linestyle=style, linewidth=3, label=kind))
+    return handles
 
 
-def _draw_landmarks(axes: Axes, regions: RegionMap) -> list[Line2D]:
-    handles = []
+def _draw_landmarks(axes: Axes, regions: RegionMap) -> list[Artist]:
+    handles: list[Artist] = []
     for kind, (marker, colour) in MARKS.items():
         cells = np.array([mark.cell for mark in regions.landmarks if mark.kind == kind]).reshape(-1, 2)
         if len(cells):
-            drawn = axes.plot(cells[:, 1], cells[:, 0], marker, color=colour, markersize=5, alpha=0.8, label=kind)
+            size = 5 if len(cells) <= MANY_MARKS else 2
+            drawn = axes.plot(cells[:, 1], cells[:, 0], marker, color=colour, markersize=size, alpha=0.8, label=kind)
             handles.extend(drawn)
     return handles
 
 
-def _draw_path(axes: Axes, path: Sequence[Cell]) -> list[Line2D]:
+def _draw_path(axes: Axes, path: Sequence[Cell]) -> list[Artist]:
     if not path:
         return []
     cells = np.array(path)
@@ -114,9 +139,9 @@ def _draw_path(axes: Axes, path: Sequence[Cell]) -> list[Line2D]:
 
 
 def _draw_name(axes: Axes, region: Region, scale: float) -> None:
-    if region.kind == "pocket":
-        return
     across_px = float(np.sqrt(region.cells)) * scale
+    if region.kind == "pocket" or across_px < LEAST_NAMED_PX:
+        return
     size = float(np.clip(across_px / len(region.name) * 0.9, 7, 15))
     row, column = region.centre
     text = axes.text(column, row, region.name, ha="center", va="center", fontsize=size, color="black", zorder=5)

@@ -43,6 +43,14 @@ class Doorway:
     is_open: bool
     """True for a wide border without walls beside it ("opening"), False for a door."""
 
+    @property
+    def ends(self) -> tuple[Cell, Cell]:
+        """The two cells of the doorway that are farthest apart: the ends of its chord."""
+        middle = self.cells.mean(axis=0)
+        first = self.cells[np.argmax(((self.cells - middle) ** 2).sum(axis=1))]
+        last = self.cells[np.argmax(((self.cells - first) ** 2).sum(axis=1))]
+        return (int(first[0]), int(first[1])), (int(last[0]), int(last[1]))
+
 
 @dataclass(frozen=True, eq=False)
 class Landmark:
