@@ -109,8 +109,24 @@ def deterministic_value(steps, gamma, step=Fraction(-1), prize=Fraction(100)):
     return sum((gamma**k * step for k in range(steps - 1)), Fraction(0)) + gamma ** (steps - 1) * prize
 
 
-def learn(step, terminal, starts, n_states, n_actions, *, gamma, alpha, epsilon, episodes, seed, max_steps=None,
-          landmarks=None, eta0=0.1, power=1.2, counter="episode"):
+def learn(
+    step,
+    terminal,
+    starts,
+    n_states,
+    n_actions,
+    *,
+    gamma,
+    alpha,
+    epsilon,
+    episodes,
+    seed,
+    max_steps=None,
+    landmarks=None,
+    eta0=0.1,
+    power=1.2,
+    counter="episode",
+):
     """Algorithm 1 of the paper, and Algorithm 2 when ``landmarks`` = (landmark of each state, arcs by landmark).
 
     step(state, action, draws) -> (next state, reward).  Draws are used in the order: start (if there are several),

@@ -25,9 +25,7 @@ def test_the_graph_is_connected_exactly_when_the_free_space_is(free):
 def test_every_step_between_regions_passes_exactly_one_doorway(free):
     regions = qualrl.segment(qualrl.OccupancyGrid.from_free(free))
     cells = oracles.GridTwin(free, None).graph()
-    steps = {
-        frozenset(edge) for edge in cells.edges if regions.label[edge[0]] != regions.label[edge[1]]
-    }
+    steps = {frozenset(edge) for edge in cells.edges if regions.label[edge[0]] != regions.label[edge[1]]}
     through = [frozenset(pair) for door in regions.doorways for pair in crossings_of(regions, door)]
     assert set(through) == steps
     assert len(through) == len(steps)

@@ -100,7 +100,12 @@ def test_files_of_another_format_or_cut_short_are_refused(tmp_path):
     np.savez(tmp_path / "other.npz", about=np.array(json.dumps({"format": "qualrl-hybrid-mdp/99"})))
     np.savez(tmp_path / "empty.npz", about=np.array(json.dumps({"format": "qualrl-hybrid-mdp/1", "map": {}})))
     np.savez(tmp_path / "pickle.npz", about=np.array([object()]))
-    for name, what in (("plain", "about"), ("other", "this version reads"), ("empty", "not a whole"), ("pickle", "Object arrays")):
+    for name, what in (
+        ("plain", "about"),
+        ("other", "this version reads"),
+        ("empty", "not a whole"),
+        ("pickle", "Object arrays"),
+    ):
         with pytest.raises(MapError, match=what):
             read_model(tmp_path / f"{name}.npz")
     (tmp_path / "g.json").write_text('{"graph": {"schema": "other/1"}, "nodes": [], "edges": []}')

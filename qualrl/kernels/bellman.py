@@ -13,8 +13,9 @@ from qualrl.kernels.jit import compiled
 
 
 @compiled
-def grid_backup(successor: Any, reward: Any, goal: Any, goal_value: Any, gamma: Any, slip: Any, value: Any, s: Any,
-                q: Any) -> Any:
+def grid_backup(
+    successor: Any, reward: Any, goal: Any, goal_value: Any, gamma: Any, slip: Any, value: Any, s: Any, q: Any
+) -> Any:
     """The shifted Q values of state s, written to q (A,); returns the largest.
 
     successor (S, A); reward (A,) shifted; a move that reaches the goal is worth goal_value.
@@ -36,8 +37,18 @@ def grid_backup(successor: Any, reward: Any, goal: Any, goal_value: Any, gamma: 
 
 
 @compiled
-def solve_grid(successor: Any, reward: Any, goal: Any, goal_value: Any, gamma: Any, slip: Any, order: Any, value: Any,
-               tolerance: Any, max_sweeps: Any) -> Any:
+def solve_grid(
+    successor: Any,
+    reward: Any,
+    goal: Any,
+    goal_value: Any,
+    gamma: Any,
+    slip: Any,
+    order: Any,
+    value: Any,
+    tolerance: Any,
+    max_sweeps: Any,
+) -> Any:
     """Sweep the states of ``order`` until none changes by more than tolerance times itself; the sweeps made.
 
     States that are not in ``order`` keep their value: they are the boundary.
@@ -55,8 +66,17 @@ def solve_grid(successor: Any, reward: Any, goal: Any, goal_value: Any, gamma: A
 
 
 @compiled
-def fewest_crossings(successor: Any, reward: Any, goal: Any, goal_value: Any, gamma: Any, slip: Any, order: Any,
-                     value: Any, region_of: Any) -> Any:
+def fewest_crossings(
+    successor: Any,
+    reward: Any,
+    goal: Any,
+    goal_value: Any,
+    gamma: Any,
+    slip: Any,
+    order: Any,
+    value: Any,
+    region_of: Any,
+) -> Any:
     """(S,) int32: how often the best way to the goal changes region, among the ways that are equally good.
 
     order: states outward from the goal; value (S,): exact shifted values.
@@ -74,8 +94,9 @@ def fewest_crossings(successor: Any, reward: Any, goal: Any, goal_value: Any, ga
 
 
 @compiled
-def table_backup(row_start: Any, target: Any, probability: Any, reward: Any, gamma: Any, value: Any, s: Any,
-                 q: Any) -> Any:
+def table_backup(
+    row_start: Any, target: Any, probability: Any, reward: Any, gamma: Any, value: Any, s: Any, q: Any
+) -> Any:
     """The shifted Q values of state s of a table, written to q (A,); returns the largest."""
     best = -np.inf
     for a in range(q.size):
@@ -89,8 +110,19 @@ def table_backup(row_start: Any, target: Any, probability: Any, reward: Any, gam
 
 
 @compiled
-def solve_table(row_start: Any, target: Any, probability: Any, reward: Any, terminal: Any, gamma: Any, order: Any,
-                value: Any, n_actions: Any, tolerance: Any, max_sweeps: Any) -> Any:
+def solve_table(
+    row_start: Any,
+    target: Any,
+    probability: Any,
+    reward: Any,
+    terminal: Any,
+    gamma: Any,
+    order: Any,
+    value: Any,
+    n_actions: Any,
+    tolerance: Any,
+    max_sweeps: Any,
+) -> Any:
     """As ``solve_grid``, for a table; terminal states keep their value."""
     q = np.empty(n_actions)
     for sweep in range(max_sweeps):

@@ -182,8 +182,18 @@ def _best_arc(upper: Any, landmark: Any) -> Any:
 
 @compiled
 def _landmark_step(
-    q: Any, upper: Any, alpha: Any, left: Any, arrived: Any, at: Any, by: Any, n_actions: Any,
-    macro_return: Any, macro_discount: Any, over: Any, eta_steps: Any,
+    q: Any,
+    upper: Any,
+    alpha: Any,
+    left: Any,
+    arrived: Any,
+    at: Any,
+    by: Any,
+    n_actions: Any,
+    macro_return: Any,
+    macro_discount: Any,
+    over: Any,
+    eta_steps: Any,
 ) -> Any:
     """Equation (11) for the arc left -> arrived, then step (ii) of Algorithm 2; the new eta count.
 
@@ -209,7 +219,15 @@ def _landmark_step(
 
 @compiled
 def run_steps(
-    grid: Any, slip: Any, table: Any, upper: Any, rates: Any, actions: Any, starts: Any, q: Any, progress: Any,
+    grid: Any,
+    slip: Any,
+    table: Any,
+    upper: Any,
+    rates: Any,
+    actions: Any,
+    starts: Any,
+    q: Any,
+    progress: Any,
     n_steps: Any,
 ) -> Any:
     """Run up to n_steps steps of one-step Q-learning, with the landmark level when ``upper`` is given.
@@ -275,8 +293,18 @@ def run_steps(
             if here >= 0 and here != landmark:
                 if landmark >= 0:
                     eta_steps = _landmark_step(
-                        q, upper, alpha, landmark, here, left_at, left_by, n_actions,
-                        macro_return, macro_discount, over, eta_steps,
+                        q,
+                        upper,
+                        alpha,
+                        landmark,
+                        here,
+                        left_at,
+                        left_by,
+                        n_actions,
+                        macro_return,
+                        macro_discount,
+                        over,
+                        eta_steps,
                     )
                 landmark = here
         s = s2

@@ -1,7 +1,9 @@
 """Doorways: where regions touch.
 
-N: border nodes, a cell as one region's side of its contact with another region.
+H, W: rows, columns.  E: steps between two regions, each with an end (a flat cell index) in either.
 """
+
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,90 +13,115 @@ from scipy.sparse.csgraph import connected_components
 from qualrl.kernels import regions as kernels
 from qualrl.spatial.region_map import Doorway
 
-Cells = NDArray[np.int32]
+Ints = NDArray[np.int32]
 
 
 def find_doorways(
-    label: Cells, thickness: NDArray[np.float32], thing: Cells, resolution_m: float, pinch: float
+    label: Ints, distance: NDArray[np.float32], thing: Ints, narrowest: NDArray[np.float32], resolution_m: float
 ) -> tuple[Doorway, ...]:
-    """One doorway for each separate contact between two regions, in the order of their regions and position.
+    """One doorway for each separate contact between two regions, in the order of its regions and position.
 
-    label (H, W) regions; thickness (H, W) radius of the largest free disc over each cell, any unit;
-    thing (H, W) number of the free-standing thing in each cell, -1 where none: it does not divide a contact.
-    A doorway is open when the way through it is not thinner than ``pinch`` times the thinner region.
+    label (H, W) regions; distance (H, W) to the nearest cell that is not free; thing (H, W) number of the
+    free-standing thing in each cell, -1 where none: it does not divide a contact; narrowest, by region: the
+    distance from which on a way out of it is an opening and no door.
     """
-    crossing, side_run, saddle = kernels.crossings(label, thickness)
-    if not len(crossing):
+    ends = kernels.crossings(label)
+    if not len(ends):
         return ()
-    ends = label.ravel()[crossing]
-    swap = ends[:, 0] > ends[:, 1]
-    for array in (crossing, side_run, ends):
-        array[swap] = array[swap][:, ::-1]
-    contact = _contacts(crossing, ends, thing, int(label.max()) + 1)
-    widest = np.zeros(int(label.max()) + 1, np.float32)
-    np.maximum.at(widest, label[label >= 0], thickness[label >= 0])
-    order = np.lexsort((crossing[:, 0], contact))
-    found = []
-    for group in np.split(order, np.flatnonzero(np.diff(contact[order])) + 1):
-        sides = [np.unique(crossing[group, side]) for side in (0, 1)]
-        cost = [(len(sides[side]), int(side_run[group, side].sum())) for side in (0, 1)]
-        row, column = np.divmod(sides[cost[1] < cost[0]], label.shape[1])
-        pair = int(ends[group[0], 0]), int(ends[group[0], 1])
-        is_open = bool(saddle[group].max() >= pinch * min(widest[pair[0]], widest[pair[1]]))
-        cells = np.stack([row, column], axis=1).astype(np.int32)
-        cells.setflags(write=False)
-        found.append(Doorway("", pair, cells, _span(cells) * resolution_m, is_open))
-    return _named(found)
+    pair = label.ravel()[ends]
+    backwards = pair[:, 0] > pair[:, 1]
+    ends[backwards], pair[backwards] = ends[backwards][:, ::-1], pair[backwards][:, ::-1]
+    way = distance.ravel()[ends].min(axis=1)
+    breadth = _breadth(label >= 0, ends)
+    contact = _contacts(ends, pair, thing)
+    count = int(contact.max()) + 1
+    widest = np.zeros(count, np.float32)
+    np.maximum.at(widest, contact, way)
+    regions = np.zeros((count, 2), np.int32)
+    regions[contact] = pair
+    is_open = widest >= narrowest[regions].min(axis=1)
+    cells = _narrower_side(ends, breadth, contact, label.size)
+    return _named(
+        [
+            _doorway((int(a), int(b)), np.stack(np.divmod(side, label.shape[1]), axis=1), bool(wide), resolution_m)
+            for (a, b), side, wide in zip(regions, cells, is_open, strict=True)
+        ]
+    )
 
 
-def _contacts(crossing: Cells, ends: Cells, thing: Cells, regions: int) -> NDArray[np.int32]:
-    """(E,) the contact that each crossing belongs to.
+def _narrower_side(ends: Ints, breadth: Ints, contact: Ints, size: int) -> list[Ints]:
+    """The cells (flat indices) of each contact, on the side with fewer of them; if alike, the narrower one."""
+    sides = []
+    for side in (0, 1):
+        owner, cell = np.divmod(np.unique(contact.astype(np.int64) * size + ends[:, side]), size)
+        sides.append(np.split(cell, np.flatnonzero(np.diff(owner)) + 1))
+    total = [np.bincount(contact, breadth[:, side]) for side in (0, 1)]
+    return [
+        second if (second.size, wide_b) < (first.size, wide_a) else first
+        for first, second, wide_a, wide_b in zip(*sides, *total, strict=True)
+    ]
 
-    Crossings of one pair of regions belong together when their cells are 8-adjacent or touch one thing.
+
+def _doorway(pair: tuple[int, int], cells: Ints, is_open: bool, resolution_m: float) -> Doorway:
+    """A doorway without a name."""
+    cells = cells.astype(np.int32)
+    cells.setflags(write=False)
+    return Doorway("", pair, cells, _span(cells) * resolution_m, is_open)
+
+
+def _breadth(free: NDArray[np.bool_], ends: Ints) -> Ints:
+    """(E, 2) cells of the free run through each end, at a right angle to the step."""
+    along, across = kernels.free_runs(free)
+    is_down = (ends[:, 0] - ends[:, 1]) % free.shape[1] == 0
+    if free.shape[1] == 1:
+        is_down[:] = True
+    return np.where(is_down[:, None], along.ravel()[ends], across.ravel()[ends])
+
+
+def _contacts(ends: Ints, pair: Ints, thing: Ints) -> Ints:
+    """(E,) the contact that each step belongs to.
+
+    Steps between the same regions belong together when their ends are 8-adjacent or touch the same thing.
     """
-    height, width = thing.shape
-    edges = len(crossing)
-    pair = ends[:, 0].astype(np.int64) * regions + ends[:, 1]
-    # Keys are places on a map with a margin, so that a neighbour's key never wraps round to the next row.
-    stride = (height + 2) * (width + 2)
-    row, column = np.divmod(np.concatenate([crossing[:, 0], crossing[:, 1]]).astype(np.int64), width)
-    pairs = np.unique(pair, return_inverse=True)[1]
-    place = (row + 1) * (width + 2) + column + 1
-    key, node = np.unique(np.tile(pairs, 2) * stride + place, return_inverse=True)
-    links = [(node[:edges], node[edges:])]
-    for offset in (1, width + 1, width + 2, width + 3):
+    # A node is an end as seen by one pair of regions; its key holds both.  Places are counted on a map with
+    # a margin, so that a neighbour's key never wraps round to the next row or pair.
+    stride = thing.shape[1] + 2
+    around = np.array([1, stride - 1, stride, stride + 1])
+    margined = np.pad(thing, 1, constant_values=-1).ravel()
+    row, column = np.divmod(ends.T.ravel().astype(np.int64), thing.shape[1])
+    which = np.unique(pair[:, 0].astype(np.int64) * (int(pair.max()) + 1) + pair[:, 1], return_inverse=True)[1]
+    key, node = np.unique(np.tile(which, 2) * margined.size + (row + 1) * stride + column + 1, return_inverse=True)
+    links = [node.reshape(2, -1)]
+    for offset in around:
         at = np.minimum(np.searchsorted(key, key + offset), key.size - 1)
         near = np.flatnonzero(key[at] == key + offset)
-        links.append((near, at[near]))
-    padded = np.pad(thing, 1, constant_values=-1).ravel()
-    for offset in (-width - 3, -width - 2, -width - 1, -1, 1, width + 1, width + 2, width + 3):
-        touched = padded[key % stride + offset]
+        links.append(np.stack([near, at[near]]))
+    owner, place = np.divmod(key, margined.size)
+    for offset in (*around, *-around):
+        touched = margined[place + offset].astype(np.int64)
         near = np.flatnonzero(touched >= 0)
-        _, first, group = np.unique(
-            key[near] // stride * (int(thing.max()) + 2) + touched[near], return_index=True, return_inverse=True
-        )
-        links.append((near, near[first][group]))
-    start, end = (np.concatenate(parts) for parts in zip(*links, strict=True))
-    graph = coo_array((np.ones(start.size, np.bool_), (start, end)), shape=(key.size, key.size))
-    piece: NDArray[np.int32] = connected_components(graph, directed=False)[1]
-    return piece[node[:edges]]
+        # Things are further nodes, one for each pair of regions.
+        links.append(np.stack([near, -1 - (owner[near] * (int(thing.max()) + 1) + touched[near])]))
+    start, end = np.unique(np.concatenate(links, axis=1), return_inverse=True)[1].reshape(2, -1)
+    size = int(max(start.max(), end.max())) + 1
+    graph = coo_array((np.ones(start.size, np.int8), (start, end)), shape=(size, size))
+    piece: Ints = connected_components(graph, directed=False)[1]
+    return piece[start[: len(ends)]]
 
 
-def _span(cells: Cells) -> float:
-    """Length in cells of the chord between a doorway's ends, each end's own cell counted in full."""
-    away = cells - cells[0]
-    first = cells[np.argmax((away**2).sum(axis=1))]
-    return float(np.sqrt(((cells - first) ** 2).sum(axis=1).max())) + 1.0
+def _span(cells: Ints) -> float:
+    """Length in cells of the chord between a doorway's far ends, which count in full."""
+    far = cells[np.argmax(((cells - cells[0]) ** 2).sum(axis=1))]
+    return float(np.sqrt(((cells - far) ** 2).sum(axis=1).max())) + 1.0
 
 
 def _named(found: list[Doorway]) -> tuple[Doorway, ...]:
-    """Doorways in order, called "door 1" or, when open, "opening 1"."""
-    from dataclasses import replace
-
+    """Doorways in their order, called "door 1" or, when open, "opening 1"."""
     found.sort(key=lambda door: (door.pair, tuple(door.cells[len(door.cells) // 2])))
-    count = {False: 0, True: 0}
+    count = {"door": 0, "opening": 0}
     named = []
     for door in found:
-        count[door.is_open] += 1
-        named.append(replace(door, name=f"{'opening' if door.is_open else 'door'} {count[door.is_open]}"))
+        kind = "opening" if door.is_open else "door"
+        count[kind] += 1
+        named.append(replace(door, name=f"{kind} {count[kind]}"))
     return tuple(named)

@@ -33,7 +33,8 @@ def reading_order(places: Sequence[tuple[float, float]], line: float) -> list[in
     order: list[int] = []
     waiting = sorted(range(len(places)), key=lambda index: places[index])
     while waiting:
-        end = next((at for at, index in enumerate(waiting) if places[index][0] > places[waiting[0]][0] + line), len(waiting))
+        last = places[waiting[0]][0] + line
+        end = next((at for at, index in enumerate(waiting) if places[index][0] > last), len(waiting))
         order += sorted(waiting[:end], key=lambda index: (places[index][1], places[index][0]))
         waiting = waiting[end:]
     return order
@@ -46,7 +47,8 @@ def ordered(regions: Sequence[Region], line: float) -> list[int]:
     """
     order: list[int] = []
     for kind in KINDS:
-        waiting = sorted((at for at, region in enumerate(regions) if region.kind == kind), key=lambda at: -regions[at].cells)
+        waiting = [at for at, region in enumerate(regions) if region.kind == kind]
+        waiting.sort(key=lambda at: -regions[at].cells)
         while waiting:
             least = ALIKE * regions[waiting[0]].cells
             end = next((at for at, index in enumerate(waiting) if regions[index].cells < least), len(waiting))

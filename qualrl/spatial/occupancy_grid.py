@@ -41,9 +41,7 @@ class OccupancyGrid:
 
     def __post_init__(self) -> None:
         if self.free.ndim != 2 or self.free.shape != self.occupied.shape:
-            raise MapError(
-                f"free and occupied must be 2-d and alike, got {self.free.shape} and {self.occupied.shape}"
-            )
+            raise MapError(f"free and occupied must be 2-d and alike, got {self.free.shape} and {self.occupied.shape}")
         if not self.free.any():
             raise MapError(f"{self.source or 'map'}: no cell is free, so there is nowhere for a robot to be")
         if not (math.isfinite(self.resolution_m) and self.resolution_m > 0):

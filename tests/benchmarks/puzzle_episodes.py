@@ -18,7 +18,9 @@ READINGS = (("q-learning", "run"), ("hql", "run"), ("hql", "pair"), ("hql", "epi
 
 def main() -> None:
     """Print the table."""
-    print(f"{'alpha':>6s} {'learner':12s}{'eta counter':>12s}{'episodes: median (95 % of 30 seeds)':>38s}{'x alpha':>9s}")
+    print(
+        f"{'alpha':>6s} {'learner':12s}{'eta counter':>12s}{'episodes: median (95 % of 30 seeds)':>38s}{'x alpha':>9s}"
+    )
     for alpha, episodes in ((0.01, 6000), (0.05, 2000), (0.2, 1500)):
         for algorithm, counter in READINGS:
             chosen = LearnSettings(episodes=episodes, alpha=alpha, epsilon=0.01, eta_counter=counter)
