@@ -75,7 +75,8 @@ def test_yaml_is_a_ros_map(name: str) -> None:
     assert settings["image"] == f"{name}.png"
     assert settings["mode"] == "trinary"
     assert settings["resolution"] == RESOLUTION_M[name]
-    assert len(settings["origin"]) == 3 and settings["origin"][2] == 0.0
+    assert len(settings["origin"]) == 3
+    assert settings["origin"][2] == 0.0
     assert (settings["negate"], settings["occupied_thresh"], settings["free_thresh"]) == (0, 0.65, 0.196)
 
 
@@ -112,10 +113,12 @@ def test_slam_rooms_hang_together_and_specks_do_not() -> None:
     labels, sizes = components(image == FREE)
     main = int(np.bincount(labels.ravel())[1:].argmax()) + 1
     assert {int(labels[cell]) for cell in SLAM_ROOMS} == {main}
-    assert sizes[0] > 0.98 * sum(sizes) and len(sizes) > 10
+    assert sizes[0] > 0.98 * sum(sizes)
+    assert len(sizes) > 10
     for_a_robot = components(eroded(image, 0.25))[0]
     inside = {int(for_a_robot[cell]) for cell in SLAM_ROOMS}
-    assert len(inside) == 1 and 0 not in inside
+    assert len(inside) == 1
+    assert 0 not in inside
 
 
 def test_puzzle_takes_the_papers_32_steps() -> None:

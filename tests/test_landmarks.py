@@ -38,7 +38,8 @@ def test_puzzle_has_the_ten_landmarks_of_its_corridors() -> None:
     corners = {(1, 1), (1, 11), (11, 1), (11, 11), (3, 3), (3, 9), (9, 3), (9, 9)}
     assert corners <= set(cells(seen, "corner"))
     assert cells(seen, "doorway") == [(2, 6), (8, 6)]
-    assert cells(seen, "junction") == [] and cells(seen, "dead end") == []
+    assert cells(seen, "junction") == []
+    assert cells(seen, "dead end") == []
 
 
 def test_a_room_has_four_corners() -> None:
@@ -87,7 +88,8 @@ def test_wide_corridors_meet_at_a_junction_and_end_dead() -> None:
     seen = segment(OccupancyGrid.from_free(free, 0.05))
     assert [region.kind for region in seen.regions] == ["corridor"]
     ((row, column),) = cells(seen, "junction")
-    assert 10 <= row < 60 and 180 <= column < 240
+    assert 10 <= row < 60
+    assert 180 <= column < 240
     ends = cells(seen, "dead end")
     assert len(ends) == 3
     assert ends[0][1] < 50 or ends[0][1] > 370

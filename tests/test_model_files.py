@@ -39,7 +39,7 @@ def same_model(one: HybridMDP, other: HybridMDP) -> None:
 @given(st.data(), free_masks(side=9, connected=False), st.sampled_from([4, 8]), st.floats(0, 0.9), st.floats(0, 0.99))
 @settings(max_examples=40, deadline=None)
 def test_a_written_model_reads_back_the_same(tmp_path_factory, data, free, directions, slip, gamma):
-    cells = [cell for cell in np.argwhere(free).tolist()]
+    cells = list(np.argwhere(free).tolist())
     goal, start = data.draw(st.sampled_from(cells)), data.draw(st.sampled_from([None, *cells]))
     grid = qualrl.OccupancyGrid(free, ~free & (np.indices(free.shape).sum(0) % 2 == 0), 0.25, (1.5, -2.0, 0.3))
     regions = qualrl.segment(grid)

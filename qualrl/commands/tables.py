@@ -40,7 +40,7 @@ def print_map(regions: RegionMap) -> None:
 def _print_regions(out: Console, regions: RegionMap) -> None:
     named = [region for region in regions.regions if region.kind != "pocket"]
     table = Table("region", "kind", title=f"{len(named)} regions", title_justify="left")
-    for heading in ("area [m2]", "cells", "centre row,col", "doors"):
+    for heading in ("area (m2)", "cells", "centre row,col", "doors"):
         table.add_column(heading, justify="right")
     for index, region in enumerate(named[:MOST_ROWS]):
         doors = sum(index in door.pair for door in regions.doorways)
@@ -61,7 +61,7 @@ def _print_doors(out: Console, regions: RegionMap) -> None:
         out.print("no doorways")
         return
     table = Table("doorway", "between", "and", title=f"{len(regions.doorways)} doorways", title_justify="left")
-    table.add_column("width [m]", justify="right")
+    table.add_column("width (m)", justify="right")
     names = regions.region_names
     for door in regions.doorways[:MOST_ROWS]:
         table.add_row(Text(door.name), Text(names[door.pair[0]]), Text(names[door.pair[1]]), f"{door.width_m:.2f}")

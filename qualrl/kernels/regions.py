@@ -287,30 +287,6 @@ def _host(zone: int, area: Floats, breadth: Floats, links: _Links, rules: Rules)
 
 
 @compiled
-def measured(label: Ints, count: int, depth: Floats) -> tuple[NDArray[np.int64], NDArray[np.float64], Ints]:
-    """Of each label: (count,) its cells, (count, 2) the sums of their rows and columns, (count,) its deepest cell.
-
-    depth (H, W); of equally deep cells the first one counts, as a flat index.
-    """
-    height, width = label.shape
-    cells, sums = np.zeros(count, np.int64), np.zeros((count, 2), np.float64)
-    deepest = np.full(count, -1, np.int32)
-    most = np.full(count, -np.inf, np.float32)
-    for row in range(height):
-        for column in range(width):
-            here = label[row, column]
-            if here < 0:
-                continue
-            cells[here] += 1
-            sums[here, 0] += row
-            sums[here, 1] += column
-            if depth[row, column] > most[here]:
-                most[here] = depth[row, column]
-                deepest[here] = row * width + column
-    return cells, sums, deepest
-
-
-@compiled
 def flood(label: Ints, mask: Flags, level: Ints) -> Ints:
     """Grow labels over the mask, high levels first; borders settle where the fronts meet.
 

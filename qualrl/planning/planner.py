@@ -99,7 +99,11 @@ def _step(
     place = model.region_names[leg.region]
     if following is None:
         value = values.plain(values.shifted[walk[leg.first]]) if len(part) > 1 else 0.0
-        reason = f"the goal is in {place}, {len(part) - 1} steps on" if len(part) > 1 else "this is the goal"
+        reason = (
+            f"the goal is in {place}, {len(part) - 1} steps on, worth {value:.6g}"
+            if len(part) > 1
+            else "this is the goal"
+        )
         return Step(place, "walk to the goal", place, value, reason, None, None, None, len(part) - 1, length_m)
     to = model.region_names[following.region]
     if chooser is None:
@@ -137,9 +141,8 @@ def _step_through(
     value = values.plain(shifted)
     said = f"go through {door.name} to {to}"
     if not others:
-        return Step(
-            place, said, to, value, f"the only way on from {place} to the goal", None, None, None, steps, length_m
-        )
+        reason = f"the only way on from {place} to the goal, worth {value:.6g}"
+        return Step(place, said, to, value, reason, None, None, None, steps, length_m)
     other = others[0]
     margin = shifted - other.shifted
     other_value = values.plain(other.shifted)

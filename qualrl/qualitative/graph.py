@@ -12,7 +12,7 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels import walks
+from qualrl.kernels import labels
 from qualrl.spatial.region_map import Doorway, RegionMap
 
 Graph: TypeAlias = "nx.MultiDiGraph[str]"
@@ -49,7 +49,7 @@ def graph_of_regions(regions: RegionMap) -> Graph:
 def _steps_from_centres(regions: RegionMap) -> NDArray[np.int32]:
     """(H, W) steps from the centre of its region to each cell, walking inside the region."""
     centres = np.array([region.centre for region in regions.regions], np.int32).reshape(-1, 2)
-    found: NDArray[np.int32] = walks.steps_within(regions.label, centres)
+    found: NDArray[np.int32] = labels.steps_within(regions.label, centres)
     return found
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels import regions as kernels
+from qualrl.kernels.labels import measured
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.region_map import Doorway, Landmark, Region
 
@@ -151,7 +152,7 @@ def _corridor_marks(
 
 def _deepest(label: Ints, depth: Floats | Ints) -> Ints:
     """For each label in use, in order, the flat index of its cell of greatest depth."""
-    cell = kernels.measured(label, int(label.max()) + 1, depth.astype(np.float32))[2]
+    cell = measured(label, int(label.max()) + 1, depth.astype(np.float32))[2]
     return cell[cell >= 0]
 
 

@@ -27,7 +27,7 @@ class Region:
     centroid: tuple[float, float]
     """Mean (row, column) of its cells; may lie outside the region."""
     centre: Cell
-    """The cell of the region that is farthest from walls: always inside."""
+    """A cell well inside: of those nearly as far from walls and neighbours as any, the one nearest the centroid."""
 
 
 @dataclass(frozen=True, eq=False)

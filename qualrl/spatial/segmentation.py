@@ -19,6 +19,7 @@ from scipy.ndimage import find_objects
 
 from qualrl.errors import SettingError
 from qualrl.kernels import regions as kernels
+from qualrl.kernels.labels import measured
 from qualrl.kernels.thickness import local_thickness
 from qualrl.spatial.doorways import find_doorways
 from qualrl.spatial.landmarks import find_landmarks
@@ -83,6 +84,7 @@ def segment(
 
     Raises:
         SettingError: a setting is out of its range.
+
     """
     _check(min_area_m2=(min_area_m2, 1e6), furniture_m=(furniture_m, 1e3), pinch=(pinch, 1.0))
     resolution_m = grid.resolution_m
@@ -230,7 +232,10 @@ def _described(
     used = np.zeros(int(label.max()) + 1, np.bool_)
     used[label[free]] = True
     number = np.where(free, (np.cumsum(used) - 1)[label], -1).astype(np.int32)
-    cells, sums, innermost = kernels.measured(number, int(used.sum()), _distance(np.pad(free, 1))[1:-1, 1:-1])
+    border = np.zeros(number.size, np.bool_)
+    border[kernels.crossings(number)] = True
+    within = free & ~border.reshape(number.shape)
+    cells, sums, innermost = measured(number, int(used.sum()), _distance(np.pad(within, 1))[1:-1, 1:-1])
     thickness = np.maximum(view.to_grid(view.thickness) / np.float32(view.zoom), 0.5)
     half_width = np.bincount(number[free], thickness[free]) / cells
     kinds = _kinds(number, apart.ravel()[innermost], cells >= ELONGATED * (2 * half_width) ** 2)

@@ -1,0 +1,73 @@
+"""Loops over labelled regions: their measures, and walks inside them."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.kernels.jit import compiled
+
+Floats = NDArray[np.float32]
+Ints = NDArray[np.int32]
+
+NEARLY = np.float32(0.8)
+"""Cells of at least this share of the greatest depth may be a region's centre."""
+
+
+@compiled
+def steps_within(label: Any, centres: Any) -> Any:
+    """(H, W) int32: steps from centres[k] to each cell of region k without leaving it, -1 elsewhere.
+
+    label (H, W), -1 outside every region; centres (K, 2) rows and columns.
+    """
+    height, width = label.shape
+    steps = np.full((height, width), -1, np.int32)
+    queue = np.empty((height * width, 2), np.int32)
+    end = 0
+    for k in range(centres.shape[0]):
+        steps[centres[k, 0], centres[k, 1]] = 0
+        queue[end, 0], queue[end, 1] = centres[k, 0], centres[k, 1]
+        end += 1
+    head = 0
+    while head < end:
+        row, column = queue[head, 0], queue[head, 1]
+        head += 1
+        for move in range(4):
+            r = row + (move == 1) - (move == 0)
+            c = column + (move == 3) - (move == 2)
+            if 0 <= r < height and 0 <= c < width and steps[r, c] < 0 and label[r, c] == label[row, column]:
+                steps[r, c] = steps[row, column] + 1
+                queue[end, 0], queue[end, 1] = r, c
+                end += 1
+    return steps
+
+
+@compiled
+def measured(label: Ints, count: int, depth: Floats) -> tuple[NDArray[np.int64], NDArray[np.float64], Ints]:
+    """Of each label: (count,) its cells, (count, 2) the sums of their rows and columns, (count,) its centre.
+
+    depth (H, W).  The centre, a flat index, is of the cells nearly as deep as the deepest the one nearest the mean
+    of all cells; of equally near ones the first.
+    """
+    height, width = label.shape
+    cells, sums = np.zeros(count, np.int64), np.zeros((count, 2), np.float64)
+    most = np.full(count, -np.inf, np.float32)
+    for row in range(height):
+        for column in range(width):
+            here = label[row, column]
+            if here >= 0:
+                cells[here] += 1
+                sums[here, 0] += row
+                sums[here, 1] += column
+                most[here] = max(most[here], depth[row, column])
+    centre = np.full(count, -1, np.int32)
+    nearest = np.full(count, np.inf)
+    for row in range(height):
+        for column in range(width):
+            here = label[row, column]
+            if here >= 0 and depth[row, column] >= NEARLY * most[here]:
+                away = (row - sums[here, 0] / cells[here]) ** 2 + (column - sums[here, 1] / cells[here]) ** 2
+                if away < nearest[here]:
+                    nearest[here] = away
+                    centre[here] = row * width + column
+    return cells, sums, centre
