@@ -44,7 +44,7 @@ class Contacts(NamedTuple):
     """(E,) half-width of the widest way from one to the other."""
 
 
-class _Links(NamedTuple):
+class Links(NamedTuple):
     """A linked list of half-edges for each zone, so that joining two zones links their lists.
 
     Half-edges 2e and 2e+1 hold contact e as seen from its two ends.
@@ -187,41 +187,40 @@ def crossings(label: Ints) -> Ints:
 
 
 @compiled
-def join_zones(area: Floats, breadth: Floats, contacts: Contacts, rules: Rules) -> Ints:
-    """Join zones, smallest first, until each is a place of its own; (Z,) the zone that stands for each.
+def join_zones(
+    order: NDArray[np.int64], parent: Ints, area: Floats, breadth: Floats, links: Links, rules: Rules
+) -> int:
+    """Go once over the zones and join each that is no place of its own to its host; how many were joined.
 
-    area, breadth (Z,): cells and mean half-width of each zone; both are overwritten.
+    order: zones, smallest first.  parent (Z,): the zone that each was joined to, itself at first.
+    area, breadth (Z,): cells and mean half-width of each zone.  All but order and rules are updated.
     """
-    parent = np.arange(area.size).astype(np.int32)
-    links = _linked(area.size, contacts)
     seen = np.full(area.size, -1, np.int32)
-    joined = True
-    while joined:
-        joined = False
-        for zone in np.argsort(area):
-            if parent[zone] != zone or links.first[zone] < 0:
-                continue
-            _tidy(zone, parent, links, seen)
-            host = _host(zone, area, breadth, links, rules)
-            if host < 0:
-                continue
-            parent[zone] = host
-            both = area[host] + area[zone]
-            breadth[host] = (breadth[host] * area[host] + breadth[zone] * area[zone]) / both
-            area[host] = both
-            if links.last[host] < 0:
-                links.first[host] = links.first[zone]
-            else:
-                links.following[links.last[host]] = links.first[zone]
-            links.last[host] = links.last[zone]
-            joined = True
+    joined = 0
+    for zone in order:
+        if parent[zone] != zone or links.first[zone] < 0:
+            continue
+        _tidy(zone, parent, links, seen)
+        host = _host(zone, area, breadth, links, rules)
+        if host < 0:
+            continue
+        parent[zone] = host
+        both = area[host] + area[zone]
+        breadth[host] = (breadth[host] * area[host] + breadth[zone] * area[zone]) / both
+        area[host] = both
+        if links.last[host] < 0:
+            links.first[host] = links.first[zone]
+        else:
+            links.following[links.last[host]] = links.first[zone]
+        links.last[host] = links.last[zone]
+        joined += 1
     for zone in range(parent.size):
         parent[zone] = _find(parent, zone)
-    return parent
+    return joined
 
 
 @compiled
-def _linked(zones: int, contacts: Contacts) -> _Links:
+def linked(zones: int, contacts: Contacts) -> Links:
     """The contacts as a list for each zone."""
     first, last = np.full(zones, -1, np.int32), np.full(zones, -1, np.int32)
     following = np.full(2 * len(contacts.pair), -1, np.int32)
@@ -236,11 +235,11 @@ def _linked(zones: int, contacts: Contacts) -> _Links:
         first[here] = half
         if last[here] < 0:
             last[here] = half
-    return _Links(first, last, following, target, length, way)
+    return Links(first, last, following, target, length, way)
 
 
 @compiled
-def _tidy(zone: int, parent: Ints, links: _Links, seen: Ints) -> None:
+def _tidy(zone: int, parent: Ints, links: Links, seen: Ints) -> None:
     """Leave a zone one half-edge for each neighbour, and none to itself.  seen (Z,) is scratch, all -1."""
     half, kept = links.first[zone], -1
     links.first[zone] = -1
@@ -270,7 +269,7 @@ def _tidy(zone: int, parent: Ints, links: _Links, seen: Ints) -> None:
 
 
 @compiled
-def _host(zone: int, area: Floats, breadth: Floats, links: _Links, rules: Rules) -> int:
+def _host(zone: int, area: Floats, breadth: Floats, links: Links, rules: Rules) -> int:
     """Of the neighbours that a zone is one place with, the one it touches most; -1 for none."""
     host, touch = -1, np.float32(0.0)
     slender = area[zone] >= rules.slender * breadth[zone] ** 2

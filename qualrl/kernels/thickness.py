@@ -16,10 +16,11 @@ UPHILL = np.float32(0.9)
 
 
 @compiled
-def local_thickness(distance: Floats) -> Floats:
+def local_thickness(distance: Floats, centres: Ints) -> Floats:
     """(H, W) radius of the largest free disc that covers each cell, 0 where not free.
 
     distance (H, W): from each cell to the nearest cell that is not free, 0 where not free.
+    centres: flat indices of the discs' centres, the largest disc first (see ``disc_centres``).
     Discs are painted from large to small and each cell once: in every row, ``unpainted`` points to the
     next cell that no disc has reached, so the work grows with the discs' rows and not with their areas.
     """
@@ -28,9 +29,8 @@ def local_thickness(distance: Floats) -> Floats:
     unpainted = np.empty((height, width + 1), np.int32)
     for column in range(width + 1):
         unpainted[:, column] = column
-    centres = _disc_centres(distance)
     flat = distance.ravel()
-    for centre in centres[np.argsort(-flat[centres], kind="mergesort")]:
+    for centre in centres:
         row, column, radius = centre // width, centre % width, flat[centre]
         reach = int(np.ceil(radius)) - 1
         for r in range(max(row - reach, 0), min(row + reach + 1, height)):
@@ -47,7 +47,7 @@ def local_thickness(distance: Floats) -> Floats:
 
 
 @compiled
-def _disc_centres(distance: Floats) -> Ints:
+def disc_centres(distance: Floats) -> Ints:
     """Flat indices of the cells on the ridges of the distance, whose discs lie in no other."""
     height, width = distance.shape
     centres = np.empty(distance.size, np.int32)

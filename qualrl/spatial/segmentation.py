@@ -20,7 +20,7 @@ from scipy.ndimage import find_objects
 from qualrl.errors import SettingError
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.labels import measured
-from qualrl.kernels.thickness import local_thickness
+from qualrl.kernels.thickness import disc_centres, local_thickness
 from qualrl.spatial.doorways import find_doorways
 from qualrl.spatial.landmarks import find_landmarks
 from qualrl.spatial.naming import name_regions, ordered
@@ -122,7 +122,9 @@ def _look(free: Flags, cell_m: float, furniture_m: float) -> _View:
         opened = cv2.morphologyEx(clear.astype(np.uint8), cv2.MORPH_OPEN, disc) > 0
         clear = opened if opened.any() else clear
     distance = _distance(clear)
-    thickness = local_thickness(distance)
+    centres = disc_centres(distance)
+    largest_first = centres[np.argsort(-distance.ravel()[centres], kind="stable")]
+    thickness = local_thickness(distance, largest_first)
     distance[gap & clear] = thickness[gap & clear] = GAP_DISTANCE
     return _View(distance, thickness, thing, zoom)
 
@@ -171,12 +173,11 @@ def _regions_of(view: _View, min_area: float, pinch: float) -> Labels:
     way = np.zeros(key.size, np.float32)
     np.maximum.at(way, contact, distance.ravel()[ends].min(axis=1))
     touching = np.stack(np.divmod(key, max(count, 1)), axis=1).astype(np.int32)
-    place = kernels.join_zones(
-        area,
-        breadth,
-        kernels.Contacts(touching, length.astype(np.float32), way),
-        kernels.Rules(pinch, STEP, SLENDER, LONG, ROOMY, float(min_area)),
-    )
+    links = kernels.linked(count, kernels.Contacts(touching, length.astype(np.float32), way))
+    rules = kernels.Rules(pinch, STEP, SLENDER, LONG, ROOMY, float(min_area))
+    place = np.arange(count, dtype=np.int32)
+    while kernels.join_zones(np.argsort(area, kind="stable"), place, area, breadth, links, rules):
+        pass
     return _straightened(np.where(zone >= 0, place[zone], -1).astype(np.int32), view)
 
 
