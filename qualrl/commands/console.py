@@ -1,10 +1,11 @@
 """What the command prints: results on stdout, everything else on stderr."""
 
+import contextlib
 import functools
 import json
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ParamSpec
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 Parameters = ParamSpec("Parameters")
 
 OUR_FAULT = 3
+PARSING = "finding regions (the first time also compiling, about 20 s)"
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,17 @@ class Console:
             print(json.dumps(document, ensure_ascii=False))
         elif not self.quiet:
             show()
+
+    @contextlib.contextmanager
+    def stage(self, what: str) -> Iterator[None]:
+        """Say on stderr what is being done, as long as it lasts, to someone who watches."""
+        if self.quiet or not sys.stderr.isatty():
+            yield
+            return
+        from rich.console import Console as RichConsole
+
+        with RichConsole(stderr=True).status(what):
+            yield
 
     def warn_of(self, regions: "RegionMap") -> None:
         """What the reader of a map found odd."""

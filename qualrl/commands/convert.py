@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from qualrl.commands.console import Console, guarded
+from qualrl.commands.console import PARSING, Console, guarded
 from qualrl.commands.options import AsJson, Debug, Output, Quiet
 
 
@@ -36,7 +36,8 @@ def convert(
     path = found(source, ".yaml")
     if path.is_file() and is_scenario(path):
         raise MapError(f"{path}: is a scenario, not a map; 'qualrl run {path}' runs it")
-    regions = segment(read_map(path, resolution_m=resolution_m))
+    with console.stage(PARSING):
+        regions = segment(read_map(path, resolution_m=resolution_m))
     console.warn_of(regions)
     target = output_folder(output, path)
     scenario = suggested_scenario(regions, _map_from(path, target), resolution_m)

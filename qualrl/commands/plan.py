@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from qualrl.commands.console import Console, guarded
+from qualrl.commands.console import PARSING, Console, guarded
 from qualrl.commands.options import AsJson, Debug, Quiet, Settings
 
 if TYPE_CHECKING:
@@ -39,7 +39,8 @@ def plan(
         known = _from_folder(path, settings)
     else:
         scenario = scenario_of(source, settings)
-        known = scenario.build()
+        with console.stage(PARSING):
+            known = scenario.build()
     made = api.plan(known, start, goal=goal, exact=exact)
     if not isinstance(known, api.Training) and not exact:
         console.note("nothing has been learned here yet, so the plan is the exact one; 'qualrl run' learns first")

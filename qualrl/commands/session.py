@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from qualrl.commands.console import Console
+from qualrl.commands.console import PARSING, Console
 from qualrl.commands.inputs import output_folder, scenario_of
 from qualrl.io.scenario import Scenario
 from qualrl.models.hybrid_mdp import HybridMDP
@@ -32,6 +32,7 @@ def open_session(
     """Read the scenario and its map, and build the model; the map's warnings are noted."""
     scenario = scenario_of(scenario_file, settings, algorithm, episodes, seed)
     target = output_folder(output, scenario.path or scenario.map_path)
-    regions = scenario.regions()
+    with console.stage(PARSING):
+        regions = scenario.regions()
     console.warn_of(regions)
     return Session(scenario, regions, scenario.build(regions), target)

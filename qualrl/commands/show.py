@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from qualrl.commands.console import Console, guarded
+from qualrl.commands.console import PARSING, Console, guarded
 from qualrl.commands.options import AsJson, Debug, Quiet
 
 
@@ -26,7 +26,8 @@ def show(
 
     console = Console(as_json, quiet)
     path = found(source, SCENARIO_SUFFIX)
-    regions = load_scenario(path).regions() if is_scenario(path) else segment(read_map(path))
+    with console.stage(PARSING):
+        regions = load_scenario(path).regions() if is_scenario(path) else segment(read_map(path))
     console.warn_of(regions)
     graph = graph_of_regions(regions)
     document = {**map_document(regions, graph), "files": []}
