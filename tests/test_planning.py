@@ -1,5 +1,6 @@
 """Plans: their paths, their values and their reasons, against brute force on the grid."""
 
+import itertools
 import json
 
 import networkx as nx
@@ -27,6 +28,20 @@ LOOP = """
 #.........................#
 #.........................#
 ###########################
+"""
+
+
+DEAD_END = """
+###################
+#........#........#
+#........#........#
+#........#........#
+#.................#
+###.###.##........#
+#........#........#
+#........#........#
+#........#........#
+###################
 """
 
 
@@ -107,6 +122,27 @@ def test_doors_that_only_lead_back_are_no_alternative():
     assert plan.places == ("room A", "room B")
     assert plan.steps[0].reason == f"the only way on from room A to the goal, worth {plan.value:.6g}"
     assert plan.explain().splitlines()[0].startswith("From room A to room B: room A -> room B (")
+
+
+def test_a_learned_detour_through_a_dead_end_has_a_finite_value_and_says_what_it_costs():
+    regions = regions_of(DEAD_END)
+    model = qualrl.build(regions, [4, 16], start=[1, 1], gamma=0.97)
+    training = qualrl.train(model, "q-learning", episodes=1, max_steps=1)
+    walk = nx.shortest_path(oracles.GridTwin(regions.grid.free, None).graph(), (1, 1), (7, 5))
+    walk += [(7, 6), (7, 7), (6, 7), (5, 7), (4, 7)]  # out of the closet again by its other door
+    walk += nx.shortest_path(oracles.GridTwin(regions.grid.free, None).graph(), (4, 7), model.grid.goal_cell)[1:]
+    assert len(set(walk)) == len(walk)
+    training.q[:] = -1000.0
+    for here, there in itertools.pairwise(walk):
+        state, target = (int(model.grid.state_of[cell]) for cell in (here, there))
+        training.q[state, model.grid.successor[state].tolist().index(target)] = 50.0
+    plan = training.plan()
+    assert list(plan.path) == walk
+    assert plan.places[0] == plan.places[2]
+    assert all(np.isfinite(step.value) for step in plan.steps)
+    assert plan.steps[0].to == plan.places[1]
+    assert plan.steps[0].runner_up is not None
+    assert f"{plan.steps[0].value:.6g}" in plan.steps[0].reason
 
 
 def test_learned_plans_follow_what_was_learned():

@@ -38,11 +38,11 @@ class Chooser:
     regions: RegionMap
     values: PlanValues
 
-    def at(self, state: int) -> list[Choice]:
-        """The doors of a state's region that lead on to the goal without coming back, best first."""
+    def at(self, state: int, taken: Doorway) -> list[Choice]:
+        """The doors of a state's region that lead on to the goal without coming back, and the one taken; best first."""
         region = int(self.model.region_of[state])
         onward = self._regions_of_the_goal_without(region)
-        doors = [(door, beyond) for door, beyond in self._doors[region] if beyond in onward]
+        doors = [(door, beyond) for door, beyond in self._doors[region] if beyond in onward or door is taken]
         room = _Room(self.model, self._states[region])
         found = [
             Choice(door, beyond, room.value_through(self._cells_beyond(door, beyond), state, self.values))

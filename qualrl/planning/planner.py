@@ -110,7 +110,7 @@ def _step(
         return _step_without_map(model, walk[leg.first], place, to, len(part) - 1, values)
     door = _door_taken(model, chooser.regions, leg.region, following.region, walk[end - 1], walk[end])
     return _step_through(
-        model, place, door, following.region, chooser.at(walk[leg.first]), len(part) - 1, length_m, values
+        model, place, door, following.region, chooser.at(walk[leg.first], door), len(part) - 1, length_m, values
     )
 
 
@@ -134,19 +134,18 @@ def _step_through(
     def action(of: Choice) -> str:
         return f"{of.door.name} to {model.region_names[of.to_region]}"
 
-    taken = next((choice for choice in choices if choice.door is door), None)
+    taken = next(choice for choice in choices if choice.door is door)
     others = [choice for choice in choices if choice.door is not door]
     to = model.region_names[to_region]
-    shifted = taken.shifted if taken else float("nan")
-    value = values.plain(shifted)
+    value = values.plain(taken.shifted)
     said = f"go through {door.name} to {to}"
     if not others:
         reason = f"the only way on from {place} to the goal, worth {value:.6g}"
         return Step(place, said, to, value, reason, None, None, None, steps, length_m)
     other = others[0]
-    margin = shifted - other.shifted
+    margin = taken.shifted - other.shifted
     other_value = values.plain(other.shifted)
-    if abs(margin) <= 1e-9 * abs(shifted):
+    if abs(margin) <= 1e-9 * abs(taken.shifted):
         reason = f"worth {value:.6g}, exactly as much as {action(other)}"
     elif margin > 0:
         reason = (
