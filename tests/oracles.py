@@ -125,7 +125,7 @@ def learn(
     landmarks=None,
     eta0=0.1,
     power=1.2,
-    counter="episode",
+    counter="run",
 ):
     """Algorithm 1 of the paper, and Algorithm 2 when ``landmarks`` = (landmark of each state, arcs by landmark).
 

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import cv2
@@ -193,6 +194,10 @@ WRONG = {
     "must be": ("learn", "rooms.scenario.yaml", "--episodes", "0"),
     "is a map, not a scenario; 'qualrl convert rooms.yaml'": ("run", "rooms.yaml"),
     "is a scenario, not a map": ("convert", "rooms.scenario.yaml"),
+    "rooms.scenario.yaml: goal: no place is called 'lab'": ("run", "rooms.scenario.yaml", "--set", "goal=lab"),
+    "printable": ("run", "rooms.scenario.yaml", "--set", 'names={room A: "A\\x1b]0;x"}'),
+    "values would exceed": ("run", "rooms.scenario.yaml", "--set", "reward.step=-1e308"),
+    "resolution must be": ("convert", "rooms.png", "--resolution", "1e-320"),
     "No such command": ("lern",),
     "No such option": ("run", "--hurry"),
 }
@@ -259,6 +264,36 @@ def test_names_from_a_scenario_cannot_leave_the_folder_or_break_markup(here):
     assert nasty in qualrl("show", "nasty.yaml", cwd=here, COLUMNS="200")[0]
     assert nasty in nx.read_graphml(here / "out/graph.graphml")
     assert sorted(os.listdir(here)) == ["nasty.yaml", "out", "rooms.png", "rooms.scenario.yaml", "rooms.yaml"]
+
+
+def test_results_of_an_earlier_command_do_not_mix_with_new_ones(here):
+    qualrl("run", "rooms.scenario.yaml", "-o", "out", cwd=here)
+    (here / "out" / "mine.txt").write_text("kept")
+    qualrl("convert", "rooms.yaml", "-o", "out", cwd=here)
+    left = set(os.listdir(here / "out"))
+    assert "mine.txt" in left
+    assert not left & {"training.npz", "learn.json", "learning_curve.png", "plan.json"}
+
+
+def test_conflicts_in_the_output_folder_are_told_before_learning(here):
+    (here / "out" / "plan.json").mkdir(parents=True)
+    _, err = qualrl("run", "rooms.scenario.yaml", "-o", "out", "--episodes", 9_000_000, cwd=here, expect=2)
+    assert "holds a folder 'plan.json'" in err
+
+
+def test_being_told_to_stop_leaves_nothing_behind(here):
+    process = subprocess.Popen(
+        [sys.executable, str(ROOT / "cli.py"), "run", "rooms.scenario.yaml", "-o", "a/b", "--episodes", "9000000"],
+        cwd=here, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    deadline = time.monotonic() + 120
+    while not (here / "a").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert (here / "a").exists()
+    process.terminate()
+    process.communicate(timeout=60)
+    assert process.returncode == 143
+    assert not (here / "a").exists()
 
 
 def test_puzzle_drawing_of_the_tests_is_the_bundled_map():

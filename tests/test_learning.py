@@ -155,7 +155,7 @@ def test_learned_values_stay_within_the_bounds_of_discounted_rewards(
 
 @given(
     st.data(), free_masks(side=6), st.sampled_from([4, 8]),
-    st.sampled_from([("q-learning", "run"), ("hql", "run"), ("hql", "pair"), ("hql", "episode")]),
+    st.sampled_from([("q-learning", "run"), ("hql", "run"), ("hql", "pair")]),
 )  # fmt: skip
 @settings(max_examples=40, deadline=None)
 def test_once_converged_the_greedy_policy_is_worth_the_exact_optimum(data, free, directions, learner):
@@ -165,15 +165,28 @@ def test_once_converged_the_greedy_policy_is_worth_the_exact_optimum(data, free,
     goal = data.draw(st.sampled_from(cells))
     marks = data.draw(st.lists(st.sampled_from(cells), unique=True, max_size=5))
     world = GridWorld(free, goal, 0.9, directions=directions)
-    chosen = LearnSettings(episodes=3000, alpha=0.5, epsilon=0.3, eta_counter=counter)
+    chosen = LearnSettings(episodes=40_000, alpha=0.5, epsilon=0.5, eta_counter=counter)
     run = train(model_with_marks(world, marks), algorithm, chosen, seed=4)
     twin = oracles.GridTwin(free, goal, directions)
     policy = {tuple(cell): int(np.argmax(run.q[s])) for s, cell in enumerate(world.cells.tolist())}
     worth = oracles.exact_policy_values(twin, 0.9, policy)
     exact = twin.values(0.9)
     assert [worth[c] for c in twin.cells] == pytest.approx([exact[c] for c in twin.cells], abs=1e-6)
-    if counter != "episode":  # restarted weights keep handing down the detours that exploring made: no limit at Q*
-        assert run.max_error < 1e-3
+    assert run.max_error < 1e-3
+
+
+def test_restarted_weights_may_keep_the_policy_off_the_optimum():
+    """Why "episode" is not the default: exploring detours are handed down in every episode, for ever."""
+    free = np.ones((2, 3), bool)
+    world = GridWorld(free, (0, 0), 0.9, directions=8)
+    optimum = oracles.GridTwin(free, (0, 0), 8).values(0.9)
+    worst = {}
+    for counter in ("run", "episode"):
+        chosen = LearnSettings(episodes=40_000, alpha=0.5, epsilon=0.5, eta_counter=counter)
+        runs = [train(model_with_marks(world, [(0, 0), (0, 1)]), "hql", chosen, seed) for seed in range(5)]
+        worst[counter] = max(abs(run.q[s].max() - v) for run in runs for s, v in enumerate(optimum.values()))
+    assert worst["run"] < 1e-6
+    assert worst["episode"] > 0.1
 
 
 @pytest.mark.parametrize("algorithm", sorted(RULES))

@@ -242,3 +242,11 @@ def test_plan_at_the_goal_is_to_stay():
     assert plan.path == ((4, 4),)
     assert plan.value == 0
     assert plan.steps[0].reason == "this is the goal"
+
+
+@pytest.mark.parametrize("slip", [0.75, 0.8, 0.9])
+def test_where_moves_mostly_slip_a_plan_still_leads_to_the_goal(slip):
+    model = qualrl.build(regions_of(PUZZLE), [6, 6], start=[11, 1], gamma=0.99, slip=slip)
+    plan = qualrl.plan(model)
+    assert plan.path[-1] == (6, 6)
+    assert plan.value == pytest.approx(oracles.GridTwin(model.grid.free, (6, 6), 4, slip).values(0.99)[11, 1], abs=1e-6)

@@ -49,7 +49,7 @@ def test_all_but_map_and_goal_has_a_default(write: Any) -> None:
     learn = scenario.learn
     assert (learn.algorithm, learn.episodes, learn.gamma, learn.alpha) == ("hql", 2000, 0.99, 0.1)
     assert (learn.epsilon, learn.max_steps, learn.eta0, learn.eta_power) == (0.1, None, 0.1, 1.2)
-    assert (learn.eta_counter, scenario.segment.min_area_m2, scenario.made_with) == ("episode", None, None)
+    assert (learn.eta_counter, scenario.segment.min_area_m2, scenario.made_with) == ("run", None, None)
 
 
 def test_a_full_scenario(write: Any) -> None:
@@ -272,7 +272,7 @@ SCENARIOS = st.builds(
     start=st.none() | PLACES,
     goal=PLACES,
     seed=st.integers(0, 2**63 - 1),
-    names=st.dictionaries(NAMES, NAMES, max_size=4),
+    names=st.dictionaries(NAMES, NAMES.filter(str.isprintable), max_size=4),
     resolution_m=st.none() | POSITIVE,
     motion=st.builds(MotionSettings, directions=st.sampled_from([4, 8]), slip=SHARES),
     reward=st.builds(RewardSettings, step=POSITIVE.map(lambda paid: -paid), goal=NUMBERS),

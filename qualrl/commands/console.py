@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 Parameters = ParamSpec("Parameters")
 
 OUR_FAULT = 3
+READER_GONE = 141
+"""As for any program that SIGPIPE ends."""
 PARSING = "finding regions (the first time also compiling, about 20 s)"
 
 
@@ -70,7 +72,10 @@ def guarded(command: Callable[Parameters, None]) -> Callable[Parameters, None]:
             raise typer.Exit(error.exit_code) from None
         except BrokenPipeError:
             sys.stderr.close()  # whoever read us has gone; nothing is left to say
-            raise typer.Exit(1) from None
+            raise typer.Exit(READER_GONE) from None
+        except OSError as error:
+            _report(f"qualrl: cannot read or write: {error}; check space and permissions", kwargs)
+            raise typer.Exit(2) from None
         except MemoryError:
             _report("qualrl: this does not fit into memory; use a smaller map or a coarser one", kwargs)
             raise typer.Exit(2) from None

@@ -24,10 +24,9 @@ def convert(
     """Turn a map into a hybrid MDP, with pictures, graph files and a scenario ready to edit and run."""
     from qualrl.commands.documents import file_list, map_document
     from qualrl.commands.inputs import found, is_scenario, output_folder
-    from qualrl.commands.results import write_map_files
+    from qualrl.commands.results import result_folder, write_map_files
     from qualrl.commands.tables import print_files, print_map
     from qualrl.errors import MapError
-    from qualrl.io.output_folder import OutputFolder
     from qualrl.io.read_map import read_map
     from qualrl.io.suggestion import suggested_scenario
     from qualrl.spatial.segmentation import segment
@@ -42,7 +41,7 @@ def convert(
     target = output_folder(output, path)
     scenario = suggested_scenario(regions, _map_from(path, target), resolution_m)
     model = scenario.build(regions)
-    with OutputFolder(target) as folder:
+    with result_folder(target) as folder:
         names = write_map_files(folder, model, scenario)
     document = {**map_document(regions, model.graph), "files": file_list(target, names)}
 

@@ -31,15 +31,14 @@ def learn(
     """Learn a scenario, beside the exact optimum."""
     from qualrl.commands.documents import file_list, learn_document
     from qualrl.commands.progress import learn_with_progress
-    from qualrl.commands.results import write_learning_files, write_map_files
+    from qualrl.commands.results import result_folder, write_learning_files, write_map_files
     from qualrl.commands.scenario_copy import scenario_copy
     from qualrl.commands.session import open_session
     from qualrl.commands.tables import print_files, print_learning
-    from qualrl.io.output_folder import OutputFolder
 
     console = Console(as_json, quiet)
     opened = open_session(console, scenario_file, output, settings, algorithm, episodes, seed)
-    with OutputFolder(opened.target) as folder:
+    with result_folder(opened.target) as folder:
         training = learn_with_progress(opened.scenario, opened.model, console)
         document = learn_document(training)
         names = write_map_files(folder, opened.model, scenario_copy(opened.scenario, opened.regions, opened.target))

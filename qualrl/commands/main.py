@@ -1,5 +1,7 @@
 """The ``qualrl`` command: its subcommands, each in a file of its own."""
 
+import signal
+import sys
 from typing import Annotated
 
 import typer
@@ -41,5 +43,6 @@ for command in (run, show, convert, learn, plan, schema):
 
 
 def main() -> None:
-    """Run the command."""
+    """Run the command.  SIGTERM ends it as Ctrl-C does, so that nothing half-written stays behind."""
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
     app()

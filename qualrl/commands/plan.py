@@ -41,7 +41,8 @@ def plan(
         scenario = scenario_of(source, settings)
         with console.stage(PARSING):
             known = scenario.build()
-    made = api.plan(known, start, goal=goal, exact=exact)
+    with console.stage("solving"):
+        made = api.plan(known, start, goal=goal, exact=exact)
     if not isinstance(known, api.Training) and not exact:
         console.note("nothing has been learned here yet, so the plan is the exact one; 'qualrl run' learns first")
     console.result(made.to_dict(), lambda: print_plan(made))

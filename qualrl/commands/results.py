@@ -1,6 +1,7 @@
 """The files of a result folder."""
 
 import json
+from pathlib import Path
 
 from qualrl.api import Training
 from qualrl.io.graph_file import write_graph_json, write_graphml
@@ -15,6 +16,14 @@ from qualrl.report.learning_curve import draw_learning_curve
 from qualrl.report.overlay import draw_overlay
 
 MODEL_FILE, TRAINING_FILE, SCENARIO_FILE = "hybrid_mdp.npz", "training.npz", "scenario.yaml"
+MAP_FILES = ("regions.png", "overlay.png", "graph.json", "graph.graphml", MODEL_FILE, SCENARIO_FILE)
+LEARNING_FILES = (TRAINING_FILE, "learn.json", "learning_curve.png")
+PLAN_FILE = "plan.json"
+
+
+def result_folder(path: Path) -> OutputFolder:
+    """A folder for results; what an earlier command left there of ours goes when the new results come."""
+    return OutputFolder(path, ours=(*MAP_FILES, *LEARNING_FILES, PLAN_FILE))
 
 
 def write_map_files(folder: OutputFolder, model: HybridMDP, scenario: Scenario, plan: Plan | None = None) -> list[str]:
@@ -26,7 +35,7 @@ def write_map_files(folder: OutputFolder, model: HybridMDP, scenario: Scenario, 
     write_graphml(model.graph, folder.path("graph.graphml"))
     write_model(model, folder.path(MODEL_FILE))
     folder.path(SCENARIO_FILE).write_text(dump_scenario(scenario), encoding="utf-8")
-    return ["regions.png", "overlay.png", "graph.json", "graph.graphml", MODEL_FILE, SCENARIO_FILE]
+    return list(MAP_FILES)
 
 
 def write_learning_files(folder: OutputFolder, training: Training, document: str) -> list[str]:
@@ -34,13 +43,13 @@ def write_learning_files(folder: OutputFolder, training: Training, document: str
     write_run(training, folder.path(TRAINING_FILE))
     folder.path("learn.json").write_text(document + "\n", encoding="utf-8")
     draw_learning_curve(training, folder.path("learning_curve.png"))
-    return [TRAINING_FILE, "learn.json", "learning_curve.png"]
+    return list(LEARNING_FILES)
 
 
 def write_plan(folder: OutputFolder, plan: Plan) -> str:
     """Write the plan as JSON.  Returns the name."""
-    folder.path("plan.json").write_text(json.dumps(plan.to_dict(), indent=1) + "\n", encoding="utf-8")
-    return "plan.json"
+    folder.path(PLAN_FILE).write_text(json.dumps(plan.to_dict(), indent=1) + "\n", encoding="utf-8")
+    return PLAN_FILE
 
 
 def _title(plan: Plan | None) -> str:

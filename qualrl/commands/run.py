@@ -32,18 +32,18 @@ def run(
     from qualrl.api import farthest_start
     from qualrl.commands.documents import file_list, learn_document, map_document
     from qualrl.commands.progress import learn_with_progress
-    from qualrl.commands.results import write_learning_files, write_map_files, write_plan
+    from qualrl.commands.results import result_folder, write_learning_files, write_map_files, write_plan
     from qualrl.commands.scenario_copy import scenario_copy
     from qualrl.commands.session import open_session
     from qualrl.commands.tables import print_files, print_learning, print_map, print_plan
-    from qualrl.io.output_folder import OutputFolder
 
     console = Console(as_json, quiet)
     opened = open_session(console, scenario_file, output, settings, algorithm, episodes, seed)
     model = opened.model
-    with OutputFolder(opened.target) as folder:
+    with result_folder(opened.target) as folder:
         training = learn_with_progress(opened.scenario, model, console)
-        plan = training.plan(farthest_start(model) if model.start is None else None)
+        with console.stage("solving exactly, to compare"):
+            plan = training.plan(farthest_start(model) if model.start is None else None)
         learned = learn_document(training)
         copy = scenario_copy(opened.scenario, opened.regions, opened.target)
         names = write_map_files(folder, model, copy, plan)

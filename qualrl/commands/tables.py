@@ -85,7 +85,7 @@ def print_learning(run: LearningRun) -> None:
         lines.append(f"learned policy: {learned}; optimum: {run.optimal_steps} steps")
         learned_value, exact = run.q[run.model.start].max(), run.exact_values[run.model.start]
         lines.append(f"value of the start: {learned_value:.6g} learned, {exact:.6g} exact")
-    lines.append(f"largest error of any value, seldom seen states included: {run.max_error:.4g}")
+    lines.append(f"largest error of any state's value (states hardly visited stay near 0): {run.max_error:.4g}")
     Console(highlight=False).print("\n".join(lines), markup=False, soft_wrap=True)
 
 

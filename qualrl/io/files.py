@@ -20,7 +20,7 @@ def read_bytes(path: Path, *, what: str, most_bytes: int, error: type[QualrlErro
         with path.open("rb") as stream:
             data = stream.read(most_bytes + 1)
     except FileNotFoundError:
-        raise error(f"{path}: no such {what} file; check the spelling, the folder here is {Path.cwd()}") from None
+        raise error(f"{path}: no such {what} file; check the spelling; looked in {path.resolve().parent}") from None
     except PermissionError:
         raise error(f"{path}: may not be read; change its permissions") from None
     except (OSError, ValueError) as problem:  # ValueError: a NUL character in the name

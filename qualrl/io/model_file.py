@@ -5,6 +5,7 @@ Arrays of a model with a map: ``label`` and ``occupied`` (H, W), ``door_cells`` 
 ``region_of``.  ``about`` is the JSON text with names and numbers.
 """
 
+import hashlib
 import json
 import zipfile
 from pathlib import Path
@@ -32,6 +33,16 @@ def write_model(model: HybridMDP, file: Path) -> None:
     about, arrays = _pack_map(model) if model.regions is not None else _pack_table(model)
     about |= {"format": FORMAT, "gamma": model.gamma, "start": model.start}
     write_arrays(file, about, arrays)
+
+
+def fingerprint(model: HybridMDP) -> str:
+    """SHA-256 of all that makes a model what it is: two models of the same map and goal have the same."""
+    about, arrays = _pack_map(model) if model.regions is not None else _pack_table(model)
+    about.get("map", {}).pop("source", None)
+    digest = hashlib.sha256(json.dumps([about, model.gamma, model.start]).encode())
+    for name in sorted(arrays):
+        digest.update(np.ascontiguousarray(arrays[name]).tobytes())
+    return digest.hexdigest()
 
 
 def read_model(file: Path) -> HybridMDP:

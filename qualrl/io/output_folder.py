@@ -8,6 +8,7 @@ import errno
 import os
 import secrets
 import shutil
+from collections.abc import Collection
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -27,8 +28,10 @@ class OutputFolder:
     ...     folder.path("plan.json").write_text("{}")
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, *, ours: Collection[str] = ()) -> None:
+        """Prepare a folder.  ours: files that belong together; those of them not written anew are removed."""
         self.target = Path(os.path.abspath(path))
+        self._ours = ours
         self.shown = str(path)
         self._part = _part_beside(self.target)
         self._made: list[Path] = []
@@ -46,6 +49,9 @@ class OutputFolder:
                 raise OutputError(f"{self.shown}: is a file, and results need a folder; name another one")
             if self.target.is_dir() and not os.access(self.target, os.W_OK | os.X_OK):
                 raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+            for name in self._ours:
+                if (self.target / name).is_dir():
+                    raise OutputError(f"{self.shown}: holds a folder {name!r} where a result would go; move it away")
             self._made = _make_folders(self.target.parent)
             self._part.mkdir()
         except (OSError, ValueError) as problem:  # ValueError: a NUL character in the name
@@ -80,6 +86,8 @@ class OutputFolder:
             new, old = self._part / name, self.target / name
             if old.is_dir() or (new.is_dir() and old.exists()):
                 raise OutputError(f"{self.shown}: holds a folder {name!r} where a result would go; move it away")
+        for name in set(self._ours) - set(names):
+            (self.target / name).unlink(missing_ok=True)
         for name in names:
             os.replace(self._part / name, self.target / name)
 

@@ -4,6 +4,7 @@ Every setting but ``map`` and ``goal`` has a default, so a scenario is complete 
 Suffixes are units: ``_m`` metres, ``_m2`` square metres; gamma, alpha, epsilon, eta are the paper's letters.
 """
 
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,7 +23,7 @@ from pydantic import (
     WithJsonSchema,
 )
 
-from qualrl.errors import PlaceError, ScenarioError, shown
+from qualrl.errors import PlaceError, ScenarioError, UnknownNameError, shown
 from qualrl.io.positioned_yaml import KeyPath, PositionedYaml, parse_yaml, read_scalar, read_yaml
 from qualrl.io.scenario_errors import dotted, explained
 from qualrl.learning.settings import MOST_EPISODES
@@ -53,6 +54,8 @@ def _plain_place(place: Place) -> str | list[int] | list[float]:
 
 def _name(value: str) -> str:
     place = _place(value)
+    if not value.isprintable():
+        raise ValueError(f"must hold printable characters only, got {value!r}")
     if not isinstance(place, PlaceName):
         raise ValueError(f"must not read as two numbers, got {value!r}")
     return value
@@ -113,7 +116,7 @@ class LearnSettings(_Strict):
     eta0: float = Field(default=0.1, ge=0, lt=1, description="first weight of the qualitative level")
     eta_power: float = Field(default=1.2, gt=1, description="how fast that weight fades (the paper's m), above 1")
     eta_counter: Literal["run", "pair", "episode"] = Field(
-        default="episode", description="what it fades with: run, pair or episode"
+        default="run", description="what it fades with: run, pair or episode"
     )
 
 
@@ -156,7 +159,7 @@ class Scenario(_Strict):
     def map_path(self) -> Path:
         """Where the map lies: relative to the scenario's file, or to the current folder without one."""
         folder = Path() if self._path is None else self._path.parent
-        return folder / Path(self.map)
+        return Path(os.path.normpath(folder / self.map))
 
     def regions(self) -> "RegionMap":
         """The map, read, cut into regions and renamed as ``names`` says."""
@@ -171,9 +174,18 @@ class Scenario(_Strict):
     def build(self, regions: "RegionMap | None" = None) -> "HybridMDP":
         """The hybrid MDP of this scenario; of ``regions`` if they are at hand already, else of its map."""
         from qualrl.models.hybrid_mdp import hybrid_mdp
+        from qualrl.spatial.place import resolve_cell
 
+        found = self.regions() if regions is None else regions
+        for key, place in (("goal", self.goal), ("start", self.start)):
+            try:
+                if place is not None:
+                    resolve_cell(place, found)
+            except (PlaceError, UnknownNameError) as problem:
+                where = f"{self.path}: " if self.path else ""
+                raise type(problem)(f"{where}{key}: {problem}") from None
         return hybrid_mdp(
-            self.regions() if regions is None else regions,
+            found,
             self.goal,
             start=self.start,
             gamma=self.learn.gamma,

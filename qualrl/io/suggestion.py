@@ -10,6 +10,8 @@ from qualrl.spatial.place import Place, PlaceCell, PlaceName
 from qualrl.spatial.region_map import RegionMap
 
 SLOWEST_GAMMA_DIGITS = 6
+LEAST_EPISODES, MOST_EPISODES = 2_000, 40_000
+"""Between these, one episode for five cells: about what the bundled maps need at rate 1."""
 
 
 def suggested_scenario(regions: RegionMap, map_file: str, resolution_m: float | None = None) -> Scenario:
@@ -18,7 +20,9 @@ def suggested_scenario(regions: RegionMap, map_file: str, resolution_m: float | 
     Motion without slips learns best at rate 1: nothing has to be averaged.
     """
     start, goal, steps = farthest_places(regions)
-    learn = LearnSettings(gamma=gamma_for(steps), alpha=1.0, epsilon=0.02, episodes=2000)
+    cells = int(regions.grid.free.sum())
+    episodes = int(np.clip(cells // 5, LEAST_EPISODES, MOST_EPISODES))
+    learn = LearnSettings(gamma=gamma_for(steps), alpha=1.0, epsilon=0.02, episodes=episodes)
     return Scenario(map=map_file, start=start, goal=goal, learn=learn, resolution_m=resolution_m)
 
 

@@ -2,10 +2,8 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from qualrl.errors import MapError, QualrlError
-from qualrl.io.model_file import read_arrays, write_arrays
+from qualrl.io.model_file import fingerprint, read_arrays, write_arrays
 from qualrl.learning.run import LearningRun
 from qualrl.learning.settings import LearnSettings
 from qualrl.models.hybrid_mdp import HybridMDP
@@ -19,6 +17,7 @@ def write_run(run: LearningRun, file: Path) -> None:
     about = {
         "format": FORMAT, "algorithm": run.algorithm, "seed": run.seed, "seconds": run.seconds,
         "settings": vars(run.settings),
+        "model": fingerprint(run.model),
     }  # fmt: skip
     write_arrays(file, about, {name: getattr(run, name) for name in ARRAYS})
 
@@ -33,6 +32,6 @@ def read_run(file: Path, model: HybridMDP) -> LearningRun:
         )  # fmt: skip
     except (KeyError, TypeError, QualrlError) as error:
         raise MapError(f"{file}: not a whole training file ({type(error).__name__}: {error})") from None
-    if run.q.shape != (len(model), model.world.n_actions) or run.q.dtype != np.float64:
-        raise MapError(f"{file}: holds values of another model ({run.q.shape}); learn again")
+    if about["model"] != fingerprint(model) or run.q.shape != (len(model), model.world.n_actions):
+        raise MapError(f"{file}: holds values of another model; learn again")
     return run

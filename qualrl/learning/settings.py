@@ -27,11 +27,12 @@ class LearnSettings:
     """First weight of the landmark step, in [0, 1)."""
     eta_power: float = 1.2
     """The paper's m > 1: how fast the weight falls."""
-    eta_counter: str = "episode"
+    eta_counter: str = "run"
     """What n counts: landmark steps of the whole "run", of each landmark and action ("pair"), or of the "episode".
 
-    "run" and "pair" are the paper read literally, and then HQL is Q-learning; "episode" starts again at eta_0
-    in every episode, which is what speeds learning up, and breaks the premise of Theorem 2.
+    "run" and "pair" are the paper read literally: HQL is then hardly more than Q-learning, and ends where it does.
+    "episode" starts again at eta_0 in every episode, which is what speeds learning up; it breaks the premise of
+    Theorem 2, and what exploring detours hand down may then keep the values, even the policy, off the optimum.
     """
 
     def __post_init__(self) -> None:

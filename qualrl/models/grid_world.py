@@ -21,6 +21,7 @@ MOVES: dict[int, tuple[tuple[str, int, int], ...]] = {
     4: (("up", -1, 0), ("down", 1, 0), ("left", 0, -1), ("right", 0, 1)),
 }
 MOVES[8] = MOVES[4] + (("up-left", -1, -1), ("up-right", -1, 1), ("down-left", 1, -1), ("down-right", 1, 1))
+LARGEST_VALUE = 1e100
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +54,11 @@ class GridWorld:
         if not (math.isfinite(self.goal_reward) and self.goal_reward >= self.step_reward):
             raise SettingError(
                 f"the reward of the goal must be at least that of a step ({self.step_reward}), got {self.goal_reward}"
+            )
+        if max(-self.step_reward / (1 - self.gamma), abs(self.goal_reward)) > LARGEST_VALUE:
+            raise SettingError(
+                f"values would exceed {LARGEST_VALUE:g} with rewards {self.step_reward:g} and {self.goal_reward:g} "
+                f"at gamma {self.gamma}; scale both rewards down"
             )
         row, column = self.goal_cell
         inside = 0 <= row < self.free.shape[0] and 0 <= column < self.free.shape[1]

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from qualrl.errors import NoPlanError
 from qualrl.learning.run import LearningRun
@@ -14,7 +15,7 @@ from qualrl.planning.plan import Plan, Step
 from qualrl.planning.values import PlanValues, exact_plan_values, learned_plan_values
 from qualrl.qualitative.graph import crossings_of
 from qualrl.solving.exact import ExactValues, crossings_to_goal, exact_values
-from qualrl.solving.policy import greedy_walk
+from qualrl.solving.policy import ActionValues, greedy_walk
 from qualrl.spatial.region_map import Doorway, RegionMap
 
 
@@ -30,12 +31,26 @@ def plan_exactly(
     if isinstance(model.world, GridWorld):
         crossings = crossings_to_goal(model.world, solved, model.region_of)
     walk, arrived = greedy_walk(model.world, values.actions, start, crossings)
+    if not arrived and isinstance(model.world, GridWorld) and model.world.slip > 0:
+        walk, arrived = greedy_walk(model.world, _values_ahead(model.world, solved), start, crossings)
     if not arrived:
         raise NoPlanError(
             f"gamma {model.gamma} fades to nothing on the way from {model.describe(start)} to the goal, so float64 "
             "cannot tell one move from another; choose gamma nearer to 1"
         )
     return _plan(model, walk, values, names, notes)
+
+
+def _values_ahead(world: GridWorld, solved: ExactValues) -> ActionValues:
+    """Where moves mostly slip, aiming at a cell is not the way to get there: walk up the values instead."""
+    ahead = solved.shifted.copy()
+    ahead[world.goal] = 1 + 2 * np.abs(ahead).max()
+
+    def values(state: int) -> NDArray[np.float64]:
+        found: NDArray[np.float64] = ahead[world.successor[state]]
+        return found
+
+    return values
 
 
 def plan_from_run(run: LearningRun, start: int, names: tuple[str, str]) -> Plan:
@@ -67,6 +82,11 @@ def _plan(model: HybridMDP, walk: list[int], values: PlanValues, names: tuple[st
             "the values expect them."
         )
     shortest = int(model.world.steps_to_goal[walk[0]]) if isinstance(model.world, GridWorld) else None
+    if values.source == "exact" and shortest is not None and len(walk) - 1 > shortest:
+        notes.append(
+            f"There is a way of {shortest} moves, but this one is worth more: a diagonal costs more than a straight "
+            "move and is discounted as one, and slips count."
+        )
     return Plan(
         start=names[0],
         goal=names[1],

@@ -3,6 +3,7 @@
 H, W: rows, columns of the map.  The picture has the map's orientation: row 0 on top.
 """
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
@@ -59,7 +60,11 @@ def draw_overlay(regions: RegionMap, file: Path, path: Sequence[Cell] = (), titl
     figure.text(0.01, 1 - band / 4, title, va="center", fontsize=13)
     if handles:
         figure.legend(handles=handles, loc="lower right", ncols=len(handles), frameon=False, fontsize=10)
-    figure.savefig(file, dpi=DPI, metadata={"Software": None})
+    with warnings.catch_warnings():
+        warnings.filterwarnings(
+            "ignore", message="Glyph .* missing"
+        )  # the font lacks a script; names stay right elsewhere
+        figure.savefig(file, dpi=DPI, metadata={"Software": None})
 
 
 def _colours(regions: RegionMap, step: int) -> NDArray[np.float64]:

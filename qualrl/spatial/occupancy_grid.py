@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from qualrl.errors import MapError
 
+SMALLEST_M, LARGEST_M = 1e-6, 1e6
+FARTHEST = 1e9
 Cell = tuple[int, int]
 """(row, column) in image order."""
 
@@ -44,8 +46,13 @@ class OccupancyGrid:
             raise MapError(f"free and occupied must be 2-d and alike, got {self.free.shape} and {self.occupied.shape}")
         if not self.free.any():
             raise MapError(f"{self.source or 'map'}: no cell is free, so there is nowhere for a robot to be")
-        if not (math.isfinite(self.resolution_m) and self.resolution_m > 0):
-            raise MapError(f"{self.source or 'map'}: resolution must be positive, got {self.resolution_m} m")
+        if not SMALLEST_M <= self.resolution_m <= LARGEST_M:
+            raise MapError(
+                f"{self.source or 'map'}: resolution must be from {SMALLEST_M:g} to {LARGEST_M:g} m, "
+                f"got {self.resolution_m} m"
+            )
+        if not all(abs(number) <= FARTHEST for number in self.origin):
+            raise MapError(f"{self.source or 'map'}: origin must be numbers up to {FARTHEST:g}, got {self.origin}")
         self.free.setflags(write=False)
         self.occupied.setflags(write=False)
 
