@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import qualrl
 from qualrl.api import training_of
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError
-from qualrl.kernels import learning as kernel
+from qualrl.kernels import stepping
 from qualrl.learning.rules import RULES
 from qualrl.learning.settings import LearnSettings
 from qualrl.learning.trainer import seed_stream, train
@@ -112,7 +112,7 @@ def test_random_stream_is_xoshiro(seed):
     twin = oracles.xoshiro(seed)
     state = tuple(np.uint64(w) for w in words)
     for _ in range(20):
-        u, *state = (np.uint64(word) for word in kernel._draw(*state))
+        u, *state = (np.uint64(word) for word in stepping.draw(*state))
         assert int(u) == next(twin)
 
 

@@ -1,9 +1,7 @@
 """The training loop, compiled: one source for every learner that bootstraps after each step.
 
 S states, A actions, L landmarks, E arcs (or table entries).  ``q`` is flat: Q(s, a) is q[s * A + a].
-What a learner or a world does not have is passed as None; numba compiles the loop anew for each
-such combination and drops the branches, so nothing is decided a hundred million times.
-Randomness is xoshiro256++ (Blackman and Vigna 2021) kept in local variables: one stream per seed.
+What a learner or a world does not have is passed as None (see ``stepping``).
 A call runs a number of steps and leaves everything it needs to go on in its arrays, so a run can be
 watched, stopped and resumed between calls without changing its result.
 """
@@ -15,46 +13,27 @@ from numba import int64, uint64
 from numpy.typing import NDArray
 
 from qualrl.kernels.jit import compiled
+from qualrl.kernels.stepping import (
+    EPISODE,
+    OWN_REAL,
+    OWN_WHOLE,
+    RETURN,
+    STATE,
+    STEPS,
+    Floats,
+    below,
+    draw,
+    greedy,
+    largest,
+    moved_on,
+    started,
+)
 
-Floats = NDArray[np.float64]
-
-# Slots of Progress.whole and Progress.real
-STATE, STEPS, EPISODE, LANDMARK, LEFT_AT, LEFT_BY, ETA_STEPS, WHOLE_SLOTS = range(8)
-RETURN, MACRO_RETURN, MACRO_DISCOUNT, REAL_SLOTS = range(4)
+# Slots of Progress.whole and Progress.real that are this loop's own
+LANDMARK, LEFT_AT, LEFT_BY, ETA_STEPS = range(OWN_WHOLE, OWN_WHOLE + 4)
+MACRO_RETURN, MACRO_DISCOUNT = range(OWN_REAL, OWN_REAL + 2)
 
 COUNT_RUN, COUNT_PAIR, COUNT_EPISODE = range(3)
-
-
-class Grid(NamedTuple):
-    """A grid world without matrices."""
-
-    successor: NDArray[np.uint32]
-    """(S * A,) where each move leads; a blocked move leads back to s."""
-    step_reward: Floats
-    """(A,) reward of a move that does not reach the goal."""
-    goal: int
-    goal_reward: float
-
-
-class Table(NamedTuple):
-    """A tabular MDP in compressed rows: row s * A + a holds entries row_start[row]..row_start[row + 1]."""
-
-    row_start: NDArray[np.int64]
-    target: NDArray[np.uint32]
-    cumulative: Floats
-    """(E,) probabilities summed up within each row."""
-    reward: Floats
-    """(E,) reward of each transition."""
-    terminal: NDArray[np.bool_]
-
-
-class Rates(NamedTuple):
-    """Numbers of the learning rule."""
-
-    alpha: float
-    gamma: float
-    epsilon: float
-    max_steps: int
 
 
 class Upper(NamedTuple):
@@ -74,100 +53,6 @@ class Upper(NamedTuple):
     """(N,) weight of the n-th landmark step; those after the last weigh nothing."""
     counter: int
     """What n counts: COUNT_RUN, COUNT_PAIR or COUNT_EPISODE."""
-
-
-class Progress(NamedTuple):
-    """Where a run stands; read and written by each call."""
-
-    stream: NDArray[np.uint64]
-    """(4,) state of the random stream."""
-    whole: NDArray[np.int64]
-    real: Floats
-    steps: NDArray[np.int64]
-    """(episodes,) steps of each finished episode."""
-    returns: Floats
-    """(episodes,) undiscounted sum of rewards of each finished episode."""
-
-
-@compiled
-def _draw(r0: Any, r1: Any, r2: Any, r3: Any) -> Any:
-    w = r0 + r3
-    u = ((w << uint64(23)) | (w >> uint64(41))) + r0
-    t = r1 << uint64(17)
-    r2 ^= r0
-    r3 ^= r1
-    r1 ^= r2
-    r0 ^= r3
-    r2 ^= t
-    return u, r0, r1, r2, (r3 << uint64(45)) | (r3 >> uint64(19))
-
-
-@compiled
-def _below(u: Any, n: Any) -> Any:
-    """A whole number below n from the low 32 bits of a draw."""
-    return ((u & uint64(0xFFFFFFFF)) * uint64(n)) >> uint64(32)
-
-
-@compiled
-def _unit(u: Any) -> Any:
-    """A float in [0, 1) from the high 53 bits of a draw."""
-    return (u >> uint64(11)) * (1.0 / 9007199254740992.0)
-
-
-@compiled
-def _largest(q: Any, row: Any, n_actions: Any) -> Any:
-    best = q[row]
-    for a in range(1, n_actions):
-        value = q[row + uint64(a)]
-        if value > best:
-            best = value
-    return best
-
-
-@compiled
-def _greedy(q: Any, row: Any, n_actions: Any, u: Any) -> Any:
-    """The best action; ties are broken evenly by the draw u."""
-    best = q[row]
-    chosen = uint64(0)
-    ties = 1
-    for a in range(1, n_actions):
-        value = q[row + uint64(a)]
-        if value > best:
-            best = value
-            chosen = uint64(a)
-            ties = 1
-        elif value == best:
-            ties += 1
-    if ties == 1:
-        return chosen
-    skip = int64(_below(u, ties))
-    chosen = uint64(0)
-    while q[row + chosen] != best or skip > 0:
-        if q[row + chosen] == best:
-            skip -= 1
-        chosen += uint64(1)
-    return chosen
-
-
-@compiled
-def _slipped(a: Any, slip: Any, n_actions: Any, u: Any) -> Any:
-    """The move that happens: a, or with probability slip one of the others, each as likely."""
-    x = _unit(u)
-    if x >= slip:
-        return a
-    other = uint64(x / slip * (n_actions - 1))
-    return (a + uint64(1) + min(other, uint64(n_actions - 2))) % uint64(n_actions)
-
-
-@compiled
-def _entry(table: Any, row: Any, u: Any) -> Any:
-    """The table entry of a row that a draw falls on."""
-    x = _unit(u)
-    entry = table.row_start[row]
-    last = table.row_start[row + uint64(1)] - 1
-    while entry < last and x >= table.cumulative[entry]:
-        entry += 1
-    return entry
 
 
 @compiled
@@ -251,35 +136,19 @@ def run_steps(
     done = 0
     while done < n_steps and episode < episodes:
         if t == 0:
-            s = uint64(starts[0])
-            if starts.size > 1:
-                u, r0, r1, r2, r3 = _draw(r0, r1, r2, r3)
-                s = uint64(starts[_below(u, starts.size)])
+            s, r0, r1, r2, r3 = started(starts, r0, r1, r2, r3)
             total = 0.0
             if upper is not None:
                 landmark, left_at = upper.landmark_of[s], -1
                 if upper.counter == COUNT_EPISODE:
                     eta_steps = 0
         row = s * uint64(n_actions)
-        u, r0, r1, r2, r3 = _draw(r0, r1, r2, r3)
-        a = _below(u, n_actions) if (u >> uint64(32)) < explore else _greedy(q, row, n_actions, u)
-        if grid is not None:  # not "else" below: only what is compared with None is left out
-            moved = a
-            if slip is not None:
-                u, r0, r1, r2, r3 = _draw(r0, r1, r2, r3)
-                moved = _slipped(a, slip, n_actions, u)
-            s2 = uint64(grid.successor[row + moved])
-            over = s2 == uint64(grid.goal)
-            reward = grid.goal_reward if over else grid.step_reward[moved]
-        if table is not None:
-            u, r0, r1, r2, r3 = _draw(r0, r1, r2, r3)
-            entry = _entry(table, row + a, u)
-            s2 = uint64(table.target[entry])
-            over = table.terminal[s2]
-            reward = table.reward[entry]
+        u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
+        a = below(u, n_actions) if (u >> uint64(32)) < explore else greedy(q, row, n_actions, u)
+        s2, over, reward, r0, r1, r2, r3 = moved_on(grid, slip, table, s, a, n_actions, r0, r1, r2, r3)
         target = reward
         if not over:
-            target += gamma * _largest(q, s2 * uint64(n_actions), n_actions)
+            target += gamma * largest(q, s2 * uint64(n_actions), n_actions)
         q[row + a] += alpha * (target - q[row + a])
         total += reward
         t += 1

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from qualrl.errors import SettingError
 from qualrl.kernels import learning as kernel
+from qualrl.kernels import stepping
 from qualrl.learning.rules import LearningRule, rule_named
 from qualrl.learning.run import LearningRun
 from qualrl.learning.settings import ETA_COUNTERS, LearnSettings
@@ -50,11 +51,11 @@ def train(
     upper = _upper(model, rule, settings)
     progress = _fresh_progress(settings.episodes, seed)
     q = np.zeros(len(model) * model.world.n_actions)
-    rates = kernel.Rates(settings.alpha, model.gamma, settings.epsilon, settings.max_steps or NO_LIMIT)
+    rates = stepping.Rates(settings.alpha, model.gamma, settings.epsilon, settings.max_steps or NO_LIMIT)
     world = _kernel_world(model)
     actions = (0,) * model.world.n_actions
     slice_steps, total = 20_000, 0
-    while progress.whole[kernel.EPISODE] < settings.episodes:
+    while progress.whole[stepping.EPISODE] < settings.episodes:
         at = time.perf_counter()
         total += kernel.run_steps(*world, upper, rates, actions, model.starts, q, progress, slice_steps)
         if watch is not None:
@@ -79,21 +80,21 @@ def seed_stream(seed: int) -> NDArray[np.uint64]:
     return np.array(words, np.uint64)
 
 
-def _fresh_progress(episodes: int, seed: int) -> kernel.Progress:
-    whole = np.zeros(kernel.WHOLE_SLOTS, np.int64)
+def _fresh_progress(episodes: int, seed: int) -> stepping.Progress:
+    whole = np.zeros(stepping.SLOTS, np.int64)
     whole[kernel.LANDMARK] = whole[kernel.LEFT_AT] = -1
-    return kernel.Progress(
-        seed_stream(seed), whole, np.zeros(kernel.REAL_SLOTS), np.zeros(episodes, np.int64), np.zeros(episodes)
+    return stepping.Progress(
+        seed_stream(seed), whole, np.zeros(stepping.SLOTS), np.zeros(episodes, np.int64), np.zeros(episodes)
     )
 
 
-def _kernel_world(model: HybridMDP) -> tuple[kernel.Grid | None, float | None, kernel.Table | None]:
+def _kernel_world(model: HybridMDP) -> tuple[stepping.Grid | None, float | None, stepping.Table | None]:
     """What the loop needs of a world: (grid, slip, None) or (None, None, table)."""
     world = model.world
     if isinstance(world, GridWorld):
-        grid = kernel.Grid(world.successor.ravel(), world.move_reward, world.goal, float(world.goal_reward))
+        grid = stepping.Grid(world.successor.ravel(), world.move_reward, world.goal, float(world.goal_reward))
         return grid, world.slip or None, None
-    table = kernel.Table(world.row_start, world.target, world.cumulative, world.reward, world.terminal)
+    table = stepping.Table(world.row_start, world.target, world.cumulative, world.reward, world.terminal)
     return None, None, table
 
 
@@ -108,8 +109,8 @@ def _upper(model: HybridMDP, rule: LearningRule, settings: LearnSettings) -> ker
     )  # fmt: skip
 
 
-def _milestone(progress: kernel.Progress, total: int) -> Milestone:
-    episode = int(progress.whole[kernel.EPISODE])
+def _milestone(progress: stepping.Progress, total: int) -> Milestone:
+    episode = int(progress.whole[stepping.EPISODE])
     last = episode - 1
     return Milestone(
         episode,

@@ -1,0 +1,186 @@
+"""What every compiled learning loop is made of: a random stream, a choice, and one step of a world.
+
+S states, A actions, E table entries.  ``q`` is flat: Q(s, a) is q[s * A + a].
+Randomness is xoshiro256++ (Blackman and Vigna 2021) kept in local variables: one stream per seed.
+What a world does not have is passed as None; numba compiles a loop anew for each such combination and
+drops the branches, so nothing is decided a hundred million times.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import int64, uint64
+from numpy.typing import NDArray
+
+from qualrl.kernels.jit import compiled
+
+Floats = NDArray[np.float64]
+
+# Slots of Progress.whole and Progress.real that every loop has; a loop's own come after them
+STATE, STEPS, EPISODE, OWN_WHOLE = range(4)
+RETURN, OWN_REAL = range(2)
+SLOTS = 16
+
+
+class Grid(NamedTuple):
+    """A grid world without matrices."""
+
+    successor: NDArray[np.uint32]
+    """(S * A,) where each move leads; a blocked move leads back to s."""
+    step_reward: Floats
+    """(A,) reward of a move that does not reach the goal."""
+    goal: int
+    goal_reward: float
+
+
+class Table(NamedTuple):
+    """A tabular MDP in compressed rows: row s * A + a holds entries row_start[row]..row_start[row + 1]."""
+
+    row_start: NDArray[np.int64]
+    target: NDArray[np.uint32]
+    cumulative: Floats
+    """(E,) probabilities summed up within each row."""
+    reward: Floats
+    """(E,) reward of each transition."""
+    terminal: NDArray[np.bool_]
+
+
+class Rates(NamedTuple):
+    """Numbers of the learning rule."""
+
+    alpha: float
+    gamma: float
+    epsilon: float
+    max_steps: int
+
+
+class Progress(NamedTuple):
+    """Where a run stands; read and written by each call."""
+
+    stream: NDArray[np.uint64]
+    """(4,) state of the random stream."""
+    whole: NDArray[np.int64]
+    real: Floats
+    steps: NDArray[np.int64]
+    """(episodes,) steps of each finished episode."""
+    returns: Floats
+    """(episodes,) undiscounted sum of rewards of each finished episode."""
+
+
+@compiled
+def draw(r0: Any, r1: Any, r2: Any, r3: Any) -> Any:
+    """64 random bits and the next state of the stream."""
+    w = r0 + r3
+    u = ((w << uint64(23)) | (w >> uint64(41))) + r0
+    t = r1 << uint64(17)
+    r2 ^= r0
+    r3 ^= r1
+    r1 ^= r2
+    r0 ^= r3
+    r2 ^= t
+    return u, r0, r1, r2, (r3 << uint64(45)) | (r3 >> uint64(19))
+
+
+@compiled
+def below(u: Any, n: Any) -> Any:
+    """A whole number below n from the low 32 bits of a draw."""
+    return ((u & uint64(0xFFFFFFFF)) * uint64(n)) >> uint64(32)
+
+
+@compiled
+def unit(u: Any) -> Any:
+    """A float in [0, 1) from the high 53 bits of a draw."""
+    return (u >> uint64(11)) * (1.0 / 9007199254740992.0)
+
+
+@compiled
+def largest(q: Any, row: Any, n_actions: Any) -> Any:
+    """The largest of the A values from ``row`` on."""
+    best = q[row]
+    for a in range(1, n_actions):
+        value = q[row + uint64(a)]
+        if value > best:
+            best = value
+    return best
+
+
+@compiled
+def greedy(q: Any, row: Any, n_actions: Any, u: Any) -> Any:
+    """The best action; ties are broken evenly by the draw u."""
+    best = q[row]
+    chosen = uint64(0)
+    ties = 1
+    for a in range(1, n_actions):
+        value = q[row + uint64(a)]
+        if value > best:
+            best = value
+            chosen = uint64(a)
+            ties = 1
+        elif value == best:
+            ties += 1
+    if ties == 1:
+        return chosen
+    skip = int64(below(u, ties))
+    chosen = uint64(0)
+    while q[row + chosen] != best or skip > 0:
+        if q[row + chosen] == best:
+            skip -= 1
+        chosen += uint64(1)
+    return chosen
+
+
+@compiled
+def slipped(a: Any, slip: Any, n_actions: Any, u: Any) -> Any:
+    """The move that happens: a, or with probability slip one of the others, each as likely."""
+    x = unit(u)
+    if x >= slip:
+        return a
+    other = uint64(x / slip * (n_actions - 1))
+    return (a + uint64(1) + min(other, uint64(n_actions - 2))) % uint64(n_actions)
+
+
+@compiled
+def entry_of(table: Any, row: Any, u: Any) -> Any:
+    """The table entry of a row that a draw falls on."""
+    x = unit(u)
+    entry = table.row_start[row]
+    last = table.row_start[row + uint64(1)] - 1
+    while entry < last and x >= table.cumulative[entry]:
+        entry += 1
+    return entry
+
+
+@compiled
+def moved_on(
+    grid: Any, slip: Any, table: Any, s: Any, a: Any, n_actions: Any, r0: Any, r1: Any, r2: Any, r3: Any
+) -> Any:
+    """One step of the world: (next state, whether the episode is over, reward, the stream).
+
+    grid: Grid, or None when table: Table is given.  slip: float, or None for moves that never fail.
+    """
+    row = s * uint64(n_actions)
+    if grid is not None:  # not "else" below: only what is compared with None is left out
+        moved = a
+        if slip is not None:
+            u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
+            moved = slipped(a, slip, n_actions, u)
+        s2 = uint64(grid.successor[row + moved])
+        over = s2 == uint64(grid.goal)
+        reward = grid.goal_reward if over else grid.step_reward[moved]
+    if table is not None:
+        u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
+        entry = entry_of(table, row + a, u)
+        s2 = uint64(table.target[entry])
+        over = table.terminal[s2]
+        reward = table.reward[entry]
+    return s2, over, reward, r0, r1, r2, r3
+
+
+@compiled
+def started(starts: Any, r0: Any, r1: Any, r2: Any, r3: Any) -> Any:
+    """Where an episode starts: (state, the stream).  No draw where there is but one."""
+    s = uint64(starts[0])
+    if starts.size > 1:
+        u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
+        s = uint64(starts[below(u, starts.size)])
+    return s, r0, r1, r2, r3
