@@ -9,9 +9,10 @@ import qualrl
 from qualrl.api import training_of
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError
 from qualrl.kernels import stepping
+from qualrl.learning.learner import seed_stream
 from qualrl.learning.rules import RULES
 from qualrl.learning.settings import LearnSettings
-from qualrl.learning.trainer import seed_stream, train
+from qualrl.learning.trainer import train
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.models.tabular_mdp import TabularMDP

@@ -1,0 +1,75 @@
+"""What the trainer asks of every learner: to go on for a number of steps, and to say what it has learned.
+
+S states, A actions, E arcs between landmarks.
+"""
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.errors import SettingError
+from qualrl.kernels import stepping
+from qualrl.models.grid_world import GridWorld
+from qualrl.models.hybrid_mdp import HybridMDP
+
+NO_LIMIT = 2**62
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """What a learner knows so far."""
+
+    q: NDArray[np.float64]
+    """(S, A) values of the actions, by which the greedy policy chooses; terminal rows stay 0."""
+    arc_q: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    """(E,) values of the arcs between landmarks; empty for learners without that level."""
+    arc_visits: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    """(E,) how often each arc was travelled."""
+
+
+class Learner(Protocol):
+    """A learner on its way.  Advancing in slices of any size gives the same result."""
+
+    @property
+    def progress(self) -> stepping.Progress:
+        """Where it stands; its arrays are updated in place."""
+
+    def advance(self, n_steps: int) -> int:
+        """Make up to n_steps steps; fewer only when all episodes are done.  Returns how many."""
+
+    def learned(self) -> Learned:
+        """What it knows by now; arrays of its own, that later steps do not change."""
+
+
+KernelWorld = tuple[stepping.Grid | None, float | None, stepping.Table | None]
+
+
+def kernel_world(model: HybridMDP) -> KernelWorld:
+    """What the compiled loops need of a world: (grid, slip, None) or (None, None, table)."""
+    world = model.world
+    if isinstance(world, GridWorld):
+        grid = stepping.Grid(world.successor.ravel(), world.move_reward, world.goal, float(world.goal_reward))
+        return grid, world.slip or None, None
+    table = stepping.Table(world.row_start, world.target, world.cumulative, world.reward, world.terminal)
+    return None, None, table
+
+
+def fresh_progress(episodes: int, seed: int) -> stepping.Progress:
+    """The beginning of a run.  Raises SettingError for a seed out of its range."""
+    if not 0 <= seed < 2**63:
+        raise SettingError(f"seed must be a whole number from 0 to 2**63 - 1, got {seed}")
+    whole, real = np.zeros(stepping.SLOTS, np.int64), np.zeros(stepping.SLOTS)
+    return stepping.Progress(seed_stream(seed), whole, real, np.zeros(episodes, np.int64), np.zeros(episodes))
+
+
+def seed_stream(seed: int) -> NDArray[np.uint64]:
+    """(4,) state of xoshiro256++ for a seed, by splitmix64 as its authors advise."""
+    mask, words = 2**64 - 1, []
+    for _ in range(4):
+        seed = (seed + 0x9E3779B97F4A7C15) & mask
+        z = ((seed ^ (seed >> 30)) * 0xBF58476D1CE4E5B9) & mask
+        z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & mask
+        words.append(z ^ (z >> 31))
+    return np.array(words, np.uint64)
