@@ -26,6 +26,10 @@ class SettingError(QualrlError, ValueError):
     """A number or choice is out of its range."""
 
 
+class FormulaError(QualrlError, ValueError):
+    """A formula cannot be read, or has no value where one is needed."""
+
+
 class UnknownNameError(QualrlError, LookupError):
     """A place, algorithm or setting was asked for that does not exist."""
 
