@@ -1,7 +1,7 @@
 """The verbs of the library: read_map, segment, build, train, plan (and load_scenario, from ``io``)."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 from qualrl.errors import SettingError, UnknownNameError, did_you_mean
@@ -13,6 +13,7 @@ from qualrl.models.hybrid_mdp import HybridMDP, hybrid_mdp
 from qualrl.planning.plan import Plan
 from qualrl.planning.planner import plan_exactly, plan_from_run
 from qualrl.spatial.place import Place, read_place
+from qualrl.spatial.placed_landmarks import with_landmarks
 from qualrl.spatial.region_map import RegionMap
 
 PlaceLike = str | int | tuple[float, float] | list[float] | Place
@@ -43,14 +44,21 @@ def build(
     step_reward: float = -1.0,
     goal_reward: float = 100.0,
     names: Mapping[str, str] | None = None,
+    landmarks: Mapping[str, PlaceLike] | None = None,
+    levels: int = 2,
 ) -> HybridMDP:
     """The hybrid MDP of a map: reach ``goal``, at ``step_reward`` a step and ``goal_reward`` at the goal.
 
     A region's name means its centre.  start=None lets every episode start at random.  names renames regions,
-    doorways and landmarks first, so goal and start use the new names.
-    Raises UnknownNameError, PlaceError or SettingError.
+    doorways and landmarks first, so goal and start use the new names.  landmarks, name -> place, take the stead of
+    the corners, junctions and dead ends that were found; one placed in a doorway takes the doorway over.
+    levels counts the metric level as the first: 2 = grid and regions, 3 = and wings, which are groups of regions, 4 =
+    and floors, the parts of the map that nothing connects.
+    Raises UnknownNameError, PlaceError, ScenarioError or SettingError.
     """
     renamed = regions.renamed(names) if names else regions
+    if landmarks is not None:
+        renamed = with_landmarks(renamed, {name: read_place(place) for name, place in landmarks.items()})
     return hybrid_mdp(
         renamed,
         read_place(goal),
@@ -60,6 +68,7 @@ def build(
         directions=directions,
         step_reward=step_reward,
         goal_reward=goal_reward,
+        levels=levels,
     )
 
 
@@ -121,10 +130,11 @@ def _with_goal(model: HybridMDP, goal: PlaceLike) -> HybridMDP | None:
     if model.state_at(read_place(goal)) == world.goal:
         return None
     start = None if model.start is None else read_place(model.cell_of(model.start))
-    return hybrid_mdp(
+    other = hybrid_mdp(
         model.regions, read_place(goal), start=start, gamma=world.gamma, slip=world.slip,
         directions=world.directions, step_reward=world.step_reward, goal_reward=world.goal_reward,
     )  # fmt: skip
+    return replace(other, coarser=model.coarser)
 
 
 def _start(model: HybridMDP, start: PlaceLike | None) -> tuple[int, str]:

@@ -2,12 +2,13 @@
 
 Arrays of a model with a map: ``label`` and ``occupied`` (H, W), ``door_cells`` and ``mark_cells`` (N, 2) with
 ``door_ends`` and ``mark_ends`` saying where each one's cells end.  Without a map: the fields of TabularMDP and
-``region_of``.  ``about`` is the JSON text with names and numbers.
+``region_of``.  ``about`` is the JSON text with names and numbers, and with the groupings of levels above the regions.
 """
 
 import hashlib
 import json
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from qualrl.errors import MapError, QualrlError
 from qualrl.models.hybrid_mdp import HybridMDP, hybrid_mdp
+from qualrl.models.levels import Grouping
 from qualrl.models.tabular_mdp import TabularMDP
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.place import PlaceCell
@@ -30,14 +32,14 @@ Arrays = dict[str, NDArray[Any]]
 
 def write_model(model: HybridMDP, file: Path) -> None:
     """Write a model to .npz."""
-    about, arrays = _pack_map(model) if model.regions is not None else _pack_table(model)
+    about, arrays = _pack(model)
     about |= {"format": FORMAT, "gamma": model.gamma, "start": model.start}
     write_arrays(file, about, arrays)
 
 
 def fingerprint(model: HybridMDP) -> str:
     """SHA-256 of all that makes a model what it is: two models of the same map and goal have the same."""
-    about, arrays = _pack_map(model) if model.regions is not None else _pack_table(model)
+    about, arrays = _pack(model)
     about.get("map", {}).pop("source", None)
     digest = hashlib.sha256(json.dumps([about, model.gamma, model.start]).encode())
     for name in sorted(arrays):
@@ -49,7 +51,12 @@ def read_model(file: Path) -> HybridMDP:
     """Read a model that ``write_model`` wrote.  Raises MapError for anything else."""
     about, arrays = read_arrays(file, FORMAT)
     try:
-        return _unpack_map(about, arrays) if "map" in about else _unpack_table(about, arrays)
+        model = _unpack_map(about, arrays) if "map" in about else _unpack_table(about, arrays)
+        coarser = tuple(Grouping(tuple(names), tuple(of)) for names, of in about.get("coarser", []))
+        restored = replace(model, coarser=coarser) if coarser else model
+        if len(restored.levels) != 1 + len(coarser):  # built here, so that groups that do not fit are noticed here
+            raise ValueError("levels")
+        return restored
     except (KeyError, IndexError, TypeError, ValueError, QualrlError) as error:
         raise MapError(f"{file}: not a whole model file ({type(error).__name__}: {error})") from None
 
@@ -74,6 +81,13 @@ def read_arrays(file: Path, expected: str) -> tuple[dict[str, Any], Arrays]:
             raise MapError(f"{file}: format {about['format']!r}, but this version reads {expected!r}")
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise MapError(f"{file}: not a file of qualrl ({error})") from None
+    return about, arrays
+
+
+def _pack(model: HybridMDP) -> tuple[dict[str, Any], Arrays]:
+    about, arrays = _pack_map(model) if model.regions is not None else _pack_table(model)
+    if model.coarser:  # left out where there are none: older files and fingerprints stay valid
+        about["coarser"] = [[list(grouping.names), list(grouping.of)] for grouping in model.coarser]
     return about, arrays
 
 

@@ -5,21 +5,28 @@ states QS are the nodes of ``graph``, the qualitative actions QA its edges.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError, did_you_mean
+from qualrl.models.definitions import HybridDefinition
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.landmarks import LandmarkLevel, landmark_level
+from qualrl.models.levels import Grouping, QualitativeLevel, coarser_level, groupings
+from qualrl.models.semi_mdp import SemiMDP
 from qualrl.models.tabular_mdp import TabularMDP
 from qualrl.qualitative.graph import Graph, graph_of_mapping, graph_of_regions
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.place import Place, resolve_cell
 from qualrl.spatial.region_map import RegionMap
+
+if TYPE_CHECKING:
+    from qualrl.models.task_graph import TaskGraph
 
 GOAL = "goal"
 
@@ -41,6 +48,10 @@ class HybridMDP:
     """State in which every episode starts; None = a random one each time."""
     regions: RegionMap | None = None
     """The map this was built from; None for a model that came without one."""
+    coarser: tuple[Grouping, ...] = ()
+    """Levels above the regions, each a grouping of the one below: none, or wings, or wings and floors."""
+    tasks: "TaskGraph | None" = None
+    """A task graph of the user's own, for MAXQ-Q; None for that of the landmarks."""
 
     @classmethod
     def from_table(
@@ -96,6 +107,15 @@ class HybridMDP:
             raise NoPlanError("the goal is the only place that leads to the goal")
         return starts
 
+    def definition(self, upper: SemiMDP) -> HybridDefinition:
+        """The hybrid MDP as Definition 3 writes it, to be looked at.
+
+        upper: the semi-MDP of its qualitative level, from ``solving.theorem1`` or ``solving.fold``.
+        """
+        table = self.world.table() if isinstance(self.world, GridWorld) else self.world
+        names = tuple(self.describe(state) for state in range(len(self)))
+        return HybridDefinition(upper, table, names, self.landmarks.names, self.landmarks.landmark_of)
+
     def check_reachable(self, state: int) -> None:
         """Raise NoPlanError when no way leads from a state to the goal."""
         if not self.can_reach[state]:
@@ -111,6 +131,27 @@ class HybridMDP:
             row, column = self.world.cells[state]
             return f"{name} (row {row}, column {column})"
         return f"{self.world.state_names[state] if self.world.state_names else f'state {state}'} in {name}"
+
+    @cached_property
+    def levels(self) -> tuple[QualitativeLevel, ...]:
+        """The qualitative levels, finest first: regions, and what ``coarser`` makes of them (paper, Figure 2)."""
+        members: tuple[tuple[str, ...], ...] = ((),) * len(self.region_names)
+        found = [QualitativeLevel(self.region_names, self.region_of, members, self.graph, self.landmarks)]
+        for grouping in self.coarser:
+            found.append(coarser_level(found[-1], grouping))
+        return tuple(found)
+
+    def grouped(self, groups: Mapping[str, str]) -> "HybridMDP":
+        """The same model with one more level: the group's name of each part of the coarsest level."""
+        parts = self.levels[-1].names
+        for name in groups:
+            if name not in parts:
+                raise UnknownNameError(f"no part is called {name!r}; {did_you_mean(name, parts)}")
+        if missing := [name for name in parts if name not in groups]:
+            raise SettingError(f"{missing[0]!r} is given no group; each of {', '.join(parts)} needs one")
+        names = tuple(dict.fromkeys(groups[name] for name in parts))
+        grouping = Grouping(names, tuple(names.index(groups[name]) for name in parts))
+        return replace(self, coarser=(*self.coarser, grouping))
 
     def region_index(self, name: str) -> int:
         """Index of a qualitative state; UnknownNameError when there is none of that name."""
@@ -140,19 +181,22 @@ def hybrid_mdp(
     directions: int = 4,
     step_reward: float = -1.0,
     goal_reward: float = 100.0,
+    levels: int = 2,
 ) -> HybridMDP:
-    """The hybrid MDP of a map.  A region as start or goal means its centre."""
+    """The hybrid MDP of a map.  A region as start or goal means its centre; levels: see ``models.levels``."""
     world = GridWorld(regions.grid.free, resolve_cell(goal, regions), gamma, slip, directions, step_reward, goal_reward)
     start_state = None if start is None else int(world.state_of[resolve_cell(start, regions)])
     region_of = regions.label[regions.grid.free].astype(np.int32)
+    graph = graph_of_regions(regions)
     return HybridMDP(
         world,
         regions.region_names,
         region_of,
         _landmarks_of_map(world, regions, int(region_of[world.goal])),
-        graph_of_regions(regions),
+        graph,
         start_state,
         regions,
+        groupings(graph, levels),
     )
 
 

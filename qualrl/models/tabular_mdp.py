@@ -10,8 +10,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
-from qualrl.errors import SettingError
+from qualrl.errors import SettingError, UnknownNameError, did_you_mean
 
 Outcome = tuple[float, int, float, bool]
 """(probability, next state, reward, whether the next state ends the episode)."""
@@ -114,3 +115,25 @@ class TabularMDP:
     def source(self) -> NDArray[np.int64]:
         """(E,) the state each entry belongs to."""
         return np.repeat(np.arange(len(self.row_start) - 1) // self.n_actions, np.diff(self.row_start))
+
+    def transition(self, action: int | str) -> sparse.csr_array:
+        """(S, S) p_ij(a) of one action, by number or name; rows of terminal states are as stored, and never used."""
+        a = self.action_index(action) if isinstance(action, str) else action
+        if not 0 <= a < self.n_actions:
+            raise SettingError(f"there are actions 0 to {self.n_actions - 1}, got {a}")
+        rows = np.arange(len(self.row_start) - 1)
+        entries = np.flatnonzero(np.repeat(rows % self.n_actions, np.diff(self.row_start)) == a)
+        cells = (self.source[entries], self.target[entries].astype(np.int64))
+        return sparse.csr_array(sparse.coo_array((self.probability[entries], cells), shape=(len(self), len(self))))
+
+    @cached_property
+    def expected_reward(self) -> NDArray[np.float64]:
+        """(S, A) r(i, a)."""
+        expected = np.add.reduceat(self.probability * self.reward, self.row_start[:-1])
+        return expected.reshape(len(self), self.n_actions)
+
+    def action_index(self, name: str) -> int:
+        """Index of an action; UnknownNameError when there is none of that name."""
+        if name not in self.action_names:
+            raise UnknownNameError(f"no action is called {name!r}; {did_you_mean(name, self.action_names)}")
+        return self.action_names.index(name)
