@@ -133,7 +133,7 @@ def test_all_errors_at_once_in_the_order_of_the_file(write: Any) -> None:
         (LEAST + "learn: {alpha: 0}\n", "learn.alpha: must be greater than 0, got 0"),
         (LEAST + "learn: {alpha: 1.1}\n", "learn.alpha: must be at most 1, got 1.1"),
         (LEAST + "learn: {eta_power: 1}\n", "learn.eta_power: must be greater than 1, got 1"),
-        (LEAST + "names: [a]\n", "names: must be a mapping 'old: new', got ['a']; leave it out for none"),
+        (LEAST + "names: [a]\n", "names: must be a mapping 'name: ...', got ['a']; leave it out for none"),
         (LEAST + f"names: {{a: {'b' * 101}}}\n", "names.a: must have at most 100 characters, got 101"),
         (LEAST + f"names: {{{'b' * 101}: a}}\n", "must have at most 100 characters, got 101"),
     ],

@@ -2,17 +2,11 @@
 
 from pathlib import Path
 
-import qualrl
 from qualrl.errors import ScenarioError
+from qualrl.io.bundled import bundled_folder
 from qualrl.io.scenario import Scenario, load_scenario
 
 SCENARIO_SUFFIX = ".scenario.yaml"
-
-
-def bundled_folder() -> Path:
-    """Where the bundled maps lie: inside the package, or beside it in a checkout."""
-    inside = Path(qualrl.__file__).parent / "maps"
-    return inside if inside.is_dir() else inside.parent.parent / "maps"
 
 
 def found(argument: str, suffix: str) -> Path:

@@ -10,6 +10,8 @@ from qualrl import __version__
 from qualrl.commands.convert import convert
 from qualrl.commands.learn import learn
 from qualrl.commands.plan import plan
+from qualrl.commands.prove import prove
+from qualrl.commands.reproduce import reproduce
 from qualrl.commands.run import run
 from qualrl.commands.schema import schema
 from qualrl.commands.show import show
@@ -38,8 +40,9 @@ def qualrl(
     """Hold the options that stand before a subcommand."""
 
 
-for command in (run, show, convert, learn, plan, schema):
+for command in (run, show, convert, learn, plan, schema, reproduce):
     app.command()(command)
+app.add_typer(prove, name="prove")
 
 
 def main() -> None:

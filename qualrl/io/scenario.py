@@ -23,7 +23,7 @@ from pydantic import (
     WithJsonSchema,
 )
 
-from qualrl.errors import PlaceError, ScenarioError, UnknownNameError, shown
+from qualrl.errors import PlaceError, QualrlError, ScenarioError, UnknownNameError, shown
 from qualrl.io.positioned_yaml import KeyPath, PositionedYaml, parse_yaml, read_scalar, read_yaml
 from qualrl.io.scenario_errors import dotted, explained
 from qualrl.learning.settings import MOST_EPISODES
@@ -139,6 +139,10 @@ class Scenario(_Strict):
     names: dict[OldName, Name] = Field(
         default={}, description="new names for regions, doorways and landmarks, old: new"
     )
+    landmarks: dict[Name, PlaceField] | None = Field(
+        default=None,
+        description="landmarks placed by hand, name: place; null = those found on the map",
+    )
     resolution_m: float | None = Field(
         default=None, gt=0, description="side of a cell, for an image without a map YAML"
     )
@@ -162,14 +166,24 @@ class Scenario(_Strict):
         return Path(os.path.normpath(folder / self.map))
 
     def regions(self) -> "RegionMap":
-        """The map, read, cut into regions and renamed as ``names`` says."""
+        """The map, read, cut into regions, renamed as ``names`` says and marked as ``landmarks`` says."""
         from qualrl.io.read_map import read_map
         from qualrl.spatial.segmentation import segment
 
         grid = read_map(self.map_path, resolution_m=self.resolution_m)
         area_m2 = self.segment.min_area_m2
         found = segment(grid) if area_m2 is None else segment(grid, min_area_m2=area_m2)
-        return found.renamed(self.names)
+        found = found.renamed(self.names)
+        return found if self.landmarks is None else self._marked(found)
+
+    def _marked(self, regions: "RegionMap") -> "RegionMap":
+        from qualrl.spatial.placed_landmarks import with_landmarks
+
+        try:
+            return with_landmarks(regions, self.landmarks or {})
+        except QualrlError as problem:
+            where = f"{self.path}: " if self.path else ""
+            raise type(problem)(f"{where}{problem}") from None
 
     def build(self, regions: "RegionMap | None" = None) -> "HybridMDP":
         """The hybrid MDP of this scenario; of ``regions`` if they are at hand already, else of its map."""
@@ -279,8 +293,8 @@ def _read_setting(setting: str) -> tuple[str, KeyPath, object]:
     key = key.strip()
     if not equals or not key:
         raise ScenarioError(f"--set {dotted((setting,))}: expected KEY=VALUE, for example learn.alpha=0.1")
-    section, _, rest = key.partition(".")  # what stands in names is a name, dots and all
-    path = (section, rest) if section == "names" and rest else tuple(key.split("."))
+    section, _, rest = key.partition(".")  # what stands in names or landmarks is a name, dots and all
+    path = (section, rest) if section in ("names", "landmarks") and rest else tuple(key.split("."))
     return key, path, parse_yaml(text, f"--set {dotted((key,))}", error=ScenarioError).data
 
 

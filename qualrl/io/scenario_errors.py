@@ -36,7 +36,7 @@ WORDS: dict[str, Callable[[Any, dict[str, Any]], str]] = {
     "string_too_short": lambda value, limits: "must not be empty",
     "string_too_long": lambda value, limits: f"must have at most {limits['max_length']} characters, got {len(value)}",
     "literal_error": lambda value, limits: f"must be {limits['expected']}, got {shown(value)}",
-    "dict_type": lambda value, limits: f"must be a mapping 'old: new', got {shown(value)}; leave it out for none",
+    "dict_type": lambda value, limits: f"must be a mapping 'name: ...', got {shown(value)}; leave it out for none",
     "value_error": lambda value, limits: str(limits["error"]),
 }
 """By pydantic's name for the problem."""
@@ -49,7 +49,8 @@ def explained(error: ValidationError, model: type[BaseModel]) -> list[Problem]:
 
 def _problem(kind: str, path: KeyPath, details: Any, model: type[BaseModel]) -> Problem:
     value = details["input"]
-    if path[-1:] == ("[key]",):  # pydantic's way to say that not the value but the key is wrong
+    of_key = path[-1:] == ("[key]",)
+    if of_key:  # pydantic's way to say that not the value but the key is wrong
         path = path[:-1]
     if kind == "missing":
         return Problem(path, f"missing; add a line '{path[-1]}: ...'", path[:-1], False)
@@ -60,7 +61,7 @@ def _problem(kind: str, path: KeyPath, details: Any, model: type[BaseModel]) -> 
         return Problem(path, f"must hold keys ({keys}), got {shown(value)}; leave it out for the defaults", path, False)
     words = WORDS.get(kind)
     what = words(value, details.get("ctx", {})) if words else f"{details['msg']}, got {shown(value)}"
-    return Problem(path, what, path, False)
+    return Problem(path, what, path, of_key)
 
 
 def _meant(path: KeyPath, model: type[BaseModel]) -> str:

@@ -7,7 +7,7 @@ not in another file that it calls, so what was compiled before the newest edit o
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 from numba import njit
 
@@ -17,6 +17,16 @@ Function = TypeVar("Function", bound=Callable[..., object])
 def compiled(function: Function) -> Function:
     """Compile with numba: cached on disk, and the interpreter lock released while it runs."""
     return cast(Function, njit(cache=True, nogil=True)(function))
+
+
+def compiled_bare(function: Function) -> Function:
+    """The same for a loop that allocates no array: it then need not count who refers to which.
+
+    Counting costs an atomic operation for each array that a function takes out of a tuple, up to ten times the loop
+    itself where parts are called at every step.
+    """
+    bare: Any = {"_nrt": False}
+    return cast(Function, njit(cache=True, nogil=True, **bare)(function))
 
 
 def forget_stale(folder: Path) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numba import int64, uint64
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled
+from qualrl.kernels.jit import compiled_bare
 from qualrl.kernels.stepping import (
     EPISODE,
     OWN_REAL,
@@ -26,6 +26,8 @@ from qualrl.kernels.stepping import (
     greedy,
     largest,
     moved_on,
+    next_rate,
+    rate_at,
     started,
 )
 
@@ -49,13 +51,19 @@ class Upper(NamedTuple):
     """(E,) how often each arc was travelled, updated."""
     pair_count: NDArray[np.int64]
     """(L * A,) how often the landmark step was made for each landmark and action, updated."""
+    arc_rate: Floats
+    """Learning rate of an arc by how often it was travelled, as ``stepping.rate_at`` reads it."""
     eta: Floats
     """(N,) weight of the n-th landmark step; those after the last weigh nothing."""
     counter: int
     """What n counts: COUNT_RUN, COUNT_PAIR or COUNT_EPISODE."""
+    whole_stay: bool
+    """Whether a macro starts when the landmark is reached; else at its last departure."""
+    once: bool
+    """Whether what follows a macro is discounted by gamma once, as step (i) is printed; else by gamma ** tau."""
 
 
-@compiled
+@compiled_bare
 def _best_arc(upper: Any, landmark: Any) -> Any:
     """The largest value among the travelled arcs of a landmark; 0 if none was travelled yet."""
     best = -np.inf
@@ -65,11 +73,11 @@ def _best_arc(upper: Any, landmark: Any) -> Any:
     return best if best > -np.inf else 0.0
 
 
-@compiled
+@compiled_bare
 def _landmark_step(
     q: Any,
     upper: Any,
-    alpha: Any,
+    gamma: Any,
     left: Any,
     arrived: Any,
     at: Any,
@@ -91,9 +99,9 @@ def _landmark_step(
             return eta_steps  # no arc of the model: the two landmarks share no region
     target = macro_return
     if not over:
-        target += macro_discount * _best_arc(upper, arrived)
+        target += (gamma if upper.once else macro_discount) * _best_arc(upper, arrived)
+    upper.arc_q[arc] += rate_at(upper.arc_rate, upper.arc_visits[arc]) * (target - upper.arc_q[arc])
     upper.arc_visits[arc] += 1
-    upper.arc_q[arc] += alpha * (target - upper.arc_q[arc])
     pair = left * n_actions + by
     n = upper.pair_count[pair] if upper.counter == COUNT_PAIR else eta_steps
     upper.pair_count[pair] += 1
@@ -102,12 +110,14 @@ def _landmark_step(
     return eta_steps + 1
 
 
-@compiled
+@compiled_bare
 def run_steps(
     grid: Any,
     slip: Any,
     table: Any,
     upper: Any,
+    policy: Any,
+    visits: Any,
     rates: Any,
     actions: Any,
     starts: Any,
@@ -116,6 +126,9 @@ def run_steps(
     n_steps: Any,
 ) -> Any:
     """Run up to n_steps steps of one-step Q-learning, with the landmark level when ``upper`` is given.
+
+    policy: (S,) int8 action of each state, -1 for any at random, or None.  When given, TD(0) evaluates it (with the
+    share epsilon of random actions) and ``q`` is V (S,).  visits: Visits, or None for the constant rates.alpha.
 
     grid: Grid, or None when table: Table is given.  slip: float, or None for moves that never fail.
     actions: a tuple of A things; only its length counts, so that A is known when the loop is compiled.
@@ -144,17 +157,30 @@ def run_steps(
                     eta_steps = 0
         row = s * uint64(n_actions)
         u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
-        a = below(u, n_actions) if (u >> uint64(32)) < explore else greedy(q, row, n_actions, u)
+        at = s
+        if policy is None:
+            a = below(u, n_actions) if (u >> uint64(32)) < explore else greedy(q, row, n_actions, u)
+            at = row + a
+        if policy is not None:
+            a = below(u, n_actions)
+            if (u >> uint64(32)) >= explore and policy[s] >= 0:
+                a = uint64(policy[s])
+        if visits is not None:
+            alpha = next_rate(visits, at)
         s2, over, reward, r0, r1, r2, r3 = moved_on(grid, slip, table, s, a, n_actions, r0, r1, r2, r3)
         target = reward
         if not over:
-            target += gamma * largest(q, s2 * uint64(n_actions), n_actions)
-        q[row + a] += alpha * (target - q[row + a])
+            if policy is None:
+                target += gamma * largest(q, s2 * uint64(n_actions), n_actions)
+            if policy is not None:
+                target += gamma * q[s2]
+        q[at] += alpha * (target - q[at])
         total += reward
         t += 1
         done += 1
         if upper is not None:
-            if landmark >= 0 and upper.landmark_of[s] == landmark:  # a macro starts at its last departure
+            at_home = landmark >= 0 and upper.landmark_of[s] == landmark
+            if at_home and (left_at < 0 or not upper.whole_stay):
                 left_at, left_by, macro_return, macro_discount = int64(s), int64(a), 0.0, 1.0
             macro_return += macro_discount * reward
             macro_discount *= gamma
@@ -164,7 +190,7 @@ def run_steps(
                     eta_steps = _landmark_step(
                         q,
                         upper,
-                        alpha,
+                        gamma,
                         landmark,
                         here,
                         left_at,
@@ -175,7 +201,7 @@ def run_steps(
                         over,
                         eta_steps,
                     )
-                landmark = here
+                landmark, left_at = here, -1
         s = s2
         if over or t >= max_steps:
             progress.steps[episode] = t

@@ -12,7 +12,7 @@ import numpy as np
 from numba import int64, uint64
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled
+from qualrl.kernels.jit import compiled_bare
 
 Floats = NDArray[np.float64]
 
@@ -20,6 +20,10 @@ Floats = NDArray[np.float64]
 STATE, STEPS, EPISODE, OWN_WHOLE = range(4)
 RETURN, OWN_REAL = range(2)
 SLOTS = 16
+
+# How alpha_k is tabulated: k below EXACT has an entry of its own, later ones grow by 1/1024
+EXACT = 65536
+LOG_STEP = np.log1p(1 / 1024)
 
 
 class Grid(NamedTuple):
@@ -54,6 +58,15 @@ class Rates(NamedTuple):
     max_steps: int
 
 
+class Visits(NamedTuple):
+    """A learning rate that changes with how often a row was visited."""
+
+    counts: NDArray[np.uint32]
+    """(rows,) updated."""
+    rate: Floats
+    """alpha_k, as ``learning.schedule`` tabulates it; a single number for a constant."""
+
+
 class Progress(NamedTuple):
     """Where a run stands; read and written by each call."""
 
@@ -67,7 +80,25 @@ class Progress(NamedTuple):
     """(episodes,) undiscounted sum of rewards of each finished episode."""
 
 
-@compiled
+@compiled_bare
+def rate_at(rate: Any, k: Any) -> Any:
+    """alpha_k of a table; see ``learning.schedule`` for its spacing."""
+    if rate.size == 1:
+        return rate[0]
+    if k < EXACT:
+        return rate[k]
+    return rate[min(EXACT + int(np.log(k / EXACT) / LOG_STEP), rate.size - 1)]
+
+
+@compiled_bare
+def next_rate(visits: Any, row: Any) -> Any:
+    """The learning rate of a row, whose visit is counted."""
+    k = visits.counts[row]
+    visits.counts[row] = k + 1
+    return rate_at(visits.rate, k)
+
+
+@compiled_bare
 def draw(r0: Any, r1: Any, r2: Any, r3: Any) -> Any:
     """64 random bits and the next state of the stream."""
     w = r0 + r3
@@ -81,19 +112,19 @@ def draw(r0: Any, r1: Any, r2: Any, r3: Any) -> Any:
     return u, r0, r1, r2, (r3 << uint64(45)) | (r3 >> uint64(19))
 
 
-@compiled
+@compiled_bare
 def below(u: Any, n: Any) -> Any:
     """A whole number below n from the low 32 bits of a draw."""
     return ((u & uint64(0xFFFFFFFF)) * uint64(n)) >> uint64(32)
 
 
-@compiled
+@compiled_bare
 def unit(u: Any) -> Any:
     """A float in [0, 1) from the high 53 bits of a draw."""
     return (u >> uint64(11)) * (1.0 / 9007199254740992.0)
 
 
-@compiled
+@compiled_bare
 def largest(q: Any, row: Any, n_actions: Any) -> Any:
     """The largest of the A values from ``row`` on."""
     best = q[row]
@@ -104,7 +135,7 @@ def largest(q: Any, row: Any, n_actions: Any) -> Any:
     return best
 
 
-@compiled
+@compiled_bare
 def greedy(q: Any, row: Any, n_actions: Any, u: Any) -> Any:
     """The best action; ties are broken evenly by the draw u."""
     best = q[row]
@@ -129,7 +160,7 @@ def greedy(q: Any, row: Any, n_actions: Any, u: Any) -> Any:
     return chosen
 
 
-@compiled
+@compiled_bare
 def slipped(a: Any, slip: Any, n_actions: Any, u: Any) -> Any:
     """The move that happens: a, or with probability slip one of the others, each as likely."""
     x = unit(u)
@@ -139,7 +170,7 @@ def slipped(a: Any, slip: Any, n_actions: Any, u: Any) -> Any:
     return (a + uint64(1) + min(other, uint64(n_actions - 2))) % uint64(n_actions)
 
 
-@compiled
+@compiled_bare
 def entry_of(table: Any, row: Any, u: Any) -> Any:
     """The table entry of a row that a draw falls on."""
     x = unit(u)
@@ -150,33 +181,45 @@ def entry_of(table: Any, row: Any, u: Any) -> Any:
     return entry
 
 
-@compiled
-def moved_on(
+@compiled_bare
+def happened(
     grid: Any, slip: Any, table: Any, s: Any, a: Any, n_actions: Any, r0: Any, r1: Any, r2: Any, r3: Any
 ) -> Any:
-    """One step of the world: (next state, whether the episode is over, reward, the stream).
+    """One step of the world: (next state, whether the episode is over, reward, the outcome's number, the stream).
 
     grid: Grid, or None when table: Table is given.  slip: float, or None for moves that never fail.
+    Outcomes are numbered over all rows: row * A + move where moves slip, the entry in a table, else the row.
     """
     row = s * uint64(n_actions)
     if grid is not None:  # not "else" below: only what is compared with None is left out
         moved = a
+        outcome = row + a
         if slip is not None:
             u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
             moved = slipped(a, slip, n_actions, u)
+            outcome = (row + a) * uint64(n_actions) + moved
         s2 = uint64(grid.successor[row + moved])
         over = s2 == uint64(grid.goal)
         reward = grid.goal_reward if over else grid.step_reward[moved]
     if table is not None:
         u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
-        entry = entry_of(table, row + a, u)
-        s2 = uint64(table.target[entry])
+        outcome = uint64(entry_of(table, row + a, u))
+        s2 = uint64(table.target[outcome])
         over = table.terminal[s2]
-        reward = table.reward[entry]
+        reward = table.reward[outcome]
+    return s2, over, reward, outcome, r0, r1, r2, r3
+
+
+@compiled_bare
+def moved_on(
+    grid: Any, slip: Any, table: Any, s: Any, a: Any, n_actions: Any, r0: Any, r1: Any, r2: Any, r3: Any
+) -> Any:
+    """One step of the world: (next state, whether the episode is over, reward, the stream)."""
+    s2, over, reward, _, r0, r1, r2, r3 = happened(grid, slip, table, s, a, n_actions, r0, r1, r2, r3)
     return s2, over, reward, r0, r1, r2, r3
 
 
-@compiled
+@compiled_bare
 def started(starts: Any, r0: Any, r1: Any, r2: Any, r3: Any) -> Any:
     """Where an episode starts: (state, the stream).  No draw where there is but one."""
     s = uint64(starts[0])

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from qualrl.errors import SettingError
 from qualrl.kernels import stepping
+from qualrl.learning.schedule import schedule_of
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 
@@ -54,6 +55,17 @@ def kernel_world(model: HybridMDP) -> KernelWorld:
         return grid, world.slip or None, None
     table = stepping.Table(world.row_start, world.target, world.cumulative, world.reward, world.terminal)
     return None, None, table
+
+
+def visits_of(alpha: float | str, rows: int) -> tuple[stepping.Visits | None, float]:
+    """(counts and table of a learning rate that changes, or None; the rate when it is constant).
+
+    k counts the updates of each row, as Theorem 2 asks.
+    """
+    schedule = schedule_of(alpha)
+    if schedule.constant is not None:
+        return None, schedule.constant
+    return stepping.Visits(np.zeros(rows, np.uint32), schedule.table()), 0.0
 
 
 def fresh_progress(episodes: int, seed: int) -> stepping.Progress:

@@ -1,13 +1,16 @@
-"""Learners that update once a step, with or without the level of landmarks: Q-learning and the paper's HQL."""
+"""Learners that update once a step: TD(0), Q-learning, and the paper's HQL with its level of landmarks."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from qualrl.kernels import learning as kernel
 from qualrl.kernels import stepping
-from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world
+from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world, visits_of
 from qualrl.learning.rules import LearningRule
+from qualrl.learning.schedule import schedule_of
 from qualrl.learning.settings import ETA_COUNTERS, LearnSettings
 from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.solving.exact import action_values, exact_values
 
 
 class OneStepLearner:
@@ -19,15 +22,18 @@ class OneStepLearner:
         self.progress.whole[kernel.LANDMARK] = self.progress.whole[kernel.LEFT_AT] = -1
         self._world = kernel_world(model)
         self._upper = _upper(model, settings) if rule.uses_landmarks else None
-        self._rates = stepping.Rates(settings.alpha, model.gamma, settings.epsilon, settings.max_steps or NO_LIMIT)
+        self._policy = policy_actions(model, settings.policy) if rule.evaluates else None
         self._actions = (0,) * model.world.n_actions
-        self._q = np.zeros(len(model) * model.world.n_actions)
+        self._q = np.zeros(len(model) * (1 if rule.evaluates else model.world.n_actions))
+        self._visits, alpha = visits_of(settings.alpha, len(self._q))
+        self._rates = stepping.Rates(alpha, model.gamma, settings.epsilon, settings.max_steps or NO_LIMIT)
 
     def advance(self, n_steps: int) -> int:
         """See Learner."""
         made: int = kernel.run_steps(
-            *self._world, self._upper, self._rates, self._actions, self.model.starts, self._q, self.progress, n_steps
-        )
+            *self._world, self._upper, self._policy, self._visits, self._rates, self._actions, self.model.starts,
+            self._q, self.progress, n_steps,
+        )  # fmt: skip
         return made
 
     def learned(self) -> Learned:
@@ -38,10 +44,26 @@ class OneStepLearner:
         return Learned(q, self._upper.arc_q.copy(), self._upper.arc_visits.copy())
 
 
+def policy_actions(model: HybridMDP, policy: str) -> NDArray[np.int8]:
+    """(S,) action of each state of a policy by name; -1 for any of them at random."""
+    actions = np.full(len(model), -1, np.int8)
+    if policy == "optimal":
+        exact = exact_values(model.world)
+        for state in np.flatnonzero(model.can_reach):
+            actions[state] = np.argmax(action_values(model.world, exact.shifted, exact.shift, int(state)))
+    return actions
+
+
 def _upper(model: HybridMDP, settings: LearnSettings) -> kernel.Upper:
     level = model.landmarks
     return kernel.Upper(
         level.landmark_of, level.arc_start, level.arc_target, np.zeros(len(level.arc_target)),
         np.zeros(len(level.arc_target), np.int64), np.zeros(len(level.names) * model.world.n_actions, np.int64),
-        np.array(settings.eta_weights()), ETA_COUNTERS.index(settings.eta_counter),
+        _arc_rate(settings), np.array(settings.eta_weights()), ETA_COUNTERS.index(settings.eta_counter),
+        settings.macro_return == "stay", settings.macro_discount == "gamma",
     )  # fmt: skip
+
+
+def _arc_rate(settings: LearnSettings) -> NDArray[np.float64]:
+    schedule = schedule_of(settings.alpha if settings.upper_alpha is None else settings.upper_alpha)
+    return schedule.table() if schedule.constant is None else np.array([schedule.constant])

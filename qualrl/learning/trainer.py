@@ -7,9 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from qualrl.kernels import stepping
+from qualrl.learning.ahead import AheadLearner
+from qualrl.learning.hierarchical import task_learner
 from qualrl.learning.learner import Learner
 from qualrl.learning.one_step import OneStepLearner
-from qualrl.learning.rules import Loop, rule_named
+from qualrl.learning.planners import PlanningLearner
+from qualrl.learning.rules import LearningRule, Loop, rule_named
 from qualrl.learning.run import LearningRun
 from qualrl.learning.settings import LearnSettings
 from qualrl.models.hybrid_mdp import HybridMDP
@@ -17,7 +20,12 @@ from qualrl.models.hybrid_mdp import HybridMDP
 SLICE_S = 0.1
 """Aim of one call of the compiled loop: short enough for a progress bar and for Ctrl-C."""
 
-LEARNERS = {Loop.ONE_STEP: OneStepLearner}
+LEARNERS: dict[Loop, Callable[[HybridMDP, LearningRule, LearnSettings, int], Learner]] = {
+    Loop.ONE_STEP: OneStepLearner,
+    Loop.AHEAD: AheadLearner,
+    Loop.PLANNING: PlanningLearner,
+    Loop.TASKS: task_learner,
+}
 """Who lays out the arrays of each compiled loop."""
 
 

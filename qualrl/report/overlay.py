@@ -28,7 +28,12 @@ PALETTE = (
 )  # fmt: skip
 WALL, UNKNOWN, DOOR = "#222222", "#d9d9d9", "#e31a1c"
 DOOR_STYLES: dict[bool, tuple[Literal["-", ":"], str]] = {False: ("-", "door"), True: (":", "opening")}
-MARKS = {"corner": ("s", "#5e3c99"), "junction": ("D", "#1b7837"), "dead end": ("v", "#8c510a")}
+MARKS = {
+    "corner": ("s", "#5e3c99"),
+    "junction": ("D", "#1b7837"),
+    "dead end": ("v", "#8c510a"),
+    "placed": ("o", "#5e3c99"),
+}
 WALL_M = 0.4
 """Regions this near to each other get different colours."""
 LEAST_NAMED_PX = 24

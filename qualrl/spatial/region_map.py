@@ -54,11 +54,11 @@ class Doorway:
 
 @dataclass(frozen=True, eq=False)
 class Landmark:
-    """A named cell: a doorway, a corner, a junction or a dead end (paper, section 4.1.1)."""
+    """A named cell: a doorway, a corner, a junction, a dead end, or placed by hand (paper, section 4.1.1)."""
 
     name: str
     kind: str
-    """"doorway", "corner", "junction" or "dead end"."""
+    """"doorway", "corner", "junction", "dead end" or "placed"."""
     cell: Cell
     """The cell that stands for it."""
     cells: NDArray[np.int32]

@@ -1,0 +1,259 @@
+"""The training loop of MAXQ-Q, compiled (Dietterich 2000).
+
+S states, A moves, T tasks (task 0 is the root), C kinds of states.  A task calls moves and other tasks; each such
+call has an entry in the row of every state of a kind in which the task lives, with two or three numbers:
+
+called   V(j, s), the value of what is called: the expected reward of a move, or for a task that of its best call.
+         Kept up to date at every change of a value below, up to where nothing changes.
+own      C(i, s, j), the completion that task i goes by; -inf where the call may not be made.  The best call is the
+         one of largest V + C.  A task none of whose calls may be made in a state is over there.
+outer    the completion without pseudo-rewards, which is what others see; None where it would be the same as ``own``.
+
+A call runs a number of steps and leaves everything it needs to go on in its arrays.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import int64, uint64
+from numpy.typing import NDArray
+
+from qualrl.kernels.jit import compiled
+from qualrl.kernels.stepping import (
+    EPISODE,
+    OWN_WHOLE,
+    RETURN,
+    STATE,
+    STEPS,
+    Floats,
+    below,
+    draw,
+    moved_on,
+    started,
+)
+
+DEPTH = OWN_WHOLE
+"""Slot of Progress.whole: how many calls are open besides the root's."""
+
+
+class Graph(NamedTuple):
+    """Which task calls what, and where its entries stand."""
+
+    first: NDArray[np.int64]
+    """(S,) where the row of each state begins."""
+    kind_of: NDArray[np.int32]
+    """(S,)"""
+    begin: NDArray[np.int32]
+    """(C * T,) the entries of task i in a row of kind c are begin[c * T + i] .. end[c * T + i]."""
+    end: NDArray[np.int32]
+    child_start: NDArray[np.int64]
+    """(C,) what entry x of kind c calls is child[child_start[c] + x]: a move below A, else A + a task."""
+    child: NDArray[np.int32]
+    caller_start: NDArray[np.int64]
+    """(C * (A + T) + 1,) where the callers of each child begin, kind by kind."""
+    caller: NDArray[np.int32]
+    """(., 4) an entry that calls a child, the task whose it is, and where the entries of that begin and end."""
+
+
+class Pseudo(NamedTuple):
+    """What a task's own choices are paid for where it ends; nobody else counts it."""
+
+    otherwise: Floats
+    """(T,) for a task, in the states not listed."""
+    start: NDArray[np.int64]
+    """(T + 1,) the states listed for task i are state[start[i]] .. state[start[i + 1]], in order."""
+    state: NDArray[np.int64]
+    amount: Floats
+
+
+class Calls(NamedTuple):
+    """The calls that are open, the root's first; read and written by each call of the loop."""
+
+    task: NDArray[np.int64]
+    entry: NDArray[np.int64]
+    state: NDArray[np.int64]
+    """Where each was made."""
+    when: NDArray[np.int64]
+    """The step of the episode at which each was made."""
+
+
+@compiled
+def _pseudo(pseudo: Any, task: Any, s: Any) -> Any:
+    low, high = pseudo.start[task], pseudo.start[task + 1]
+    i = low + np.searchsorted(pseudo.state[low:high], s)
+    return pseudo.amount[i] if i < high and pseudo.state[i] == s else pseudo.otherwise[task]
+
+
+@compiled
+def _best(called: Any, own: Any, low: Any, high: Any) -> Any:
+    """(largest V + C of the entries low..high, the first entry of that value, how many have it)."""
+    best, where, ties = called[uint64(low)] + own[uint64(low)], uint64(low), 1
+    for e in range(uint64(low) + uint64(1), uint64(high)):
+        value = called[e] + own[e]
+        if value > best:
+            best, where, ties = value, e, 1
+        elif value == best:
+            ties += 1
+    return best, int64(where), ties
+
+
+@compiled
+def _pick(called: Any, own: Any, low: Any, high: Any, best: Any, ties: Any, exploring: Any, u: Any) -> Any:
+    """An entry of low..high, each as likely: any that is open when exploring, otherwise one worth ``best``."""
+    count = ties
+    if exploring:
+        count = 0
+        for e in range(low, high):
+            count += own[e] > -np.inf
+    skip = int64(below(u, count))
+    for e in range(low, high):
+        if own[e] > -np.inf and (exploring or called[e] + own[e] == best):
+            if skip == 0:
+                return e
+            skip -= 1
+    return low
+
+
+@compiled
+def _tell(
+    caller_start: Any,
+    caller: Any,
+    called: Any,
+    own: Any,
+    outer: Any,
+    row: Any,
+    base: Any,
+    n_actions: Any,
+    child: Any,
+    value: Any,
+) -> Any:
+    """Let all that call a child in a state know its value, and all that call those.
+
+    row, base: where the state's row begins, and the children of its kind in caller_start.
+    """
+    for j in range(caller_start[base + child], caller_start[base + child + 1]):
+        e = row + caller[j, 0]
+        if called[e] == value:
+            break  # so have the others
+        called[e] = value
+        if caller[j, 1] > 0:
+            best, where, _ = _best(called, own, row + caller[j, 2], row + caller[j, 3])
+            if outer is not None:
+                best = called[where] + outer[where]
+            if own[where] > -np.inf:
+                task = n_actions + caller[j, 1]
+                _tell(caller_start, caller, called, own, outer, row, base, n_actions, task, best)
+
+
+@compiled
+def run_steps(
+    grid: Any,
+    slip: Any,
+    table: Any,
+    graph: Any,
+    pseudo: Any,
+    calls: Any,
+    rates: Any,
+    actions: Any,
+    starts: Any,
+    called: Any,
+    own: Any,
+    outer: Any,
+    move_value: Any,
+    progress: Any,
+    n_steps: Any,
+) -> Any:
+    """Run up to n_steps steps; the world, ``actions``, ``starts`` and what is returned as in ``learning``.
+
+    pseudo and outer are None where no task has a pseudo-reward.  move_value (S * A,): expected reward of each move.
+    """
+    n_actions = len(actions)
+    n_tasks = graph.begin.size // graph.child_start.size
+    n_children = n_actions + n_tasks
+    alpha, gamma = rates.alpha, rates.gamma
+    explore = uint64(rates.epsilon * 4294967296.0)
+    r0, r1, r2, r3 = progress.stream[0], progress.stream[1], progress.stream[2], progress.stream[3]
+    whole, real = progress.whole, progress.real
+    s, t, episode, depth = whole[STATE], whole[STEPS], whole[EPISODE], whole[DEPTH]
+    total = real[RETURN]
+    firsts, kind_of, begin, end, child_start, children, caller_start, caller = graph
+    call_task, call_entry, call_state, call_when = calls
+    episodes = progress.steps.size
+    done = 0
+    known, best, entry, ties = False, 0.0, int64(0), 0  # the best call of the running task in s, once looked for
+    while done < n_steps and episode < episodes:
+        if t == 0:
+            first, r0, r1, r2, r3 = started(starts, r0, r1, r2, r3)
+            s, total, depth, known = int64(first), 0.0, int64(0), False
+            call_task[0] = 0
+        kind, row = int64(kind_of[s]), firsts[s]
+        move = int64(-1)
+        while move < 0:  # down to a move
+            place = kind * n_tasks + call_task[depth]
+            low, high = row + begin[place], row + end[place]
+            u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
+            exploring = (u >> uint64(32)) < explore
+            if not known and not exploring:
+                best, entry, ties = _best(called, own, low, high)
+            known = False
+            if exploring or ties > 1:
+                entry = _pick(called, own, low, high, best, ties, exploring, u)
+            call_entry[depth], call_state[depth], call_when[depth] = entry, s, t
+            child = int64(children[child_start[kind] + entry - row])
+            if child < n_actions:
+                move = child
+            else:
+                depth += 1
+                call_task[depth] = child - n_actions
+        moved, over, reward, r0, r1, r2, r3 = moved_on(
+            grid, slip, table, uint64(s), uint64(move), n_actions, r0, r1, r2, r3
+        )
+        by = s * n_actions + move
+        move_value[by] += alpha * (reward - move_value[by])
+        _tell(caller_start, caller, called, own, outer, row, kind * n_children, n_actions, move, move_value[by])
+        s = int64(moved)
+        total += reward
+        t += 1
+        done += 1
+        kind, row = int64(kind_of[s]), firsts[s]
+        while not known and depth >= 0:  # up from every task that is over
+            i, at = call_task[depth], call_state[depth]
+            n = t - call_when[depth]
+            discount = gamma if n == 1 else gamma**n
+            target, seen = 0.0, 0.0
+            low, high = row + begin[kind * n_tasks + i], row + end[kind * n_tasks + i]
+            if not over and high > low:
+                best, entry, ties = _best(called, own, low, high)
+                known = best > -np.inf
+            if known:
+                target = discount * best
+                if outer is not None:
+                    seen = discount * (called[entry] + outer[entry])
+            if pseudo is not None and not known:
+                target = discount * _pseudo(pseudo, i, s)
+            e = call_entry[depth]
+            own[e] += alpha * (target - own[e])
+            if outer is not None:
+                outer[e] += alpha * (seen - outer[e])
+            if i > 0:
+                kind_at, row_at = int64(kind_of[at]), firsts[at]
+                place = kind_at * n_tasks + i
+                value, where, _ = _best(called, own, row_at + begin[place], row_at + end[place])
+                if outer is not None:
+                    value = called[where] + outer[where]
+                base, task = kind_at * n_children, n_actions + i
+                _tell(caller_start, caller, called, own, outer, row_at, base, n_actions, task, value)
+            if not known:
+                depth -= 1
+            elif at == s:
+                known = False  # what was just learned may have changed it
+                break
+        if over or t >= rates.max_steps:
+            progress.steps[episode] = t
+            progress.returns[episode] = total
+            episode += 1
+            t = 0
+    progress.stream[0], progress.stream[1], progress.stream[2], progress.stream[3] = r0, r1, r2, r3
+    whole[STATE], whole[STEPS], whole[EPISODE], whole[DEPTH] = s, t, episode, depth
+    real[RETURN] = total
+    return done

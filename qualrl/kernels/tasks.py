@@ -1,0 +1,371 @@
+"""The training loop of learners that choose where to go before they choose a move; compiled.
+
+S states, A moves, O options ("go to landmark l within region g"), K options that live in a state, C kinds of
+states (states of one kind have the same K options).  A state's row of ``q`` holds its K + A top choices, the
+options first and then the moves, and after them, for learners that learn how to carry an option out, K blocks
+of A moves.  What may not be chosen is -inf.  What a learner does not have is passed as None (see ``stepping``).
+A call runs a number of steps and leaves everything it needs to go on in its arrays.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import int64, uint64
+from numpy.typing import NDArray
+
+from qualrl.kernels.jit import compiled
+from qualrl.kernels.stepping import (
+    EPISODE,
+    OWN_REAL,
+    OWN_WHOLE,
+    RETURN,
+    STATE,
+    STEPS,
+    below,
+    draw,
+    moved_on,
+    started,
+)
+
+# Slots of Progress.whole and Progress.real that are this loop's own
+RUNNING, PENDING = range(OWN_WHOLE, OWN_WHOLE + 2)
+GAIN, DISCOUNT = range(OWN_REAL, OWN_REAL + 2)
+NONE = 255
+"""No move."""
+
+
+class Rows(NamedTuple):
+    """Where everything about a state stands."""
+
+    first: NDArray[np.int64]
+    """(S,) where the row of each state begins."""
+    kind_of: NDArray[np.int32]
+    """(S,)"""
+    option_start: NDArray[np.int64]
+    """(C + 1,) the options of kind c are option[option_start[c]] .. option[option_start[c + 1]]."""
+    option: NDArray[np.int32]
+    position: NDArray[np.int32]
+    """(C * O,) place of an option among those of a kind, -1 where it does not live."""
+
+
+class Spot(NamedTuple):
+    """Where a state's numbers stand.  (Arrays go to functions one by one: a tuple of them is counted at each call.)"""
+
+    row: int
+    k: int
+    """How many options it has."""
+    start: int
+    """Where they stand in ``Rows.option``."""
+    base: int
+    """Where its kind begins in ``Rows.position``."""
+
+
+class Agents(NamedTuple):
+    """Sub-agents: one an option, each learning a Q of its own from every step."""
+
+    landmark: NDArray[np.int32]
+    """(O,) where each wants to be."""
+    landmark_of: NDArray[np.int32]
+    """(S,)"""
+
+
+@compiled
+def find_ways(
+    likely: Any,
+    back_start: Any,
+    back: Any,
+    sources: Any,
+    source_start: Any,
+    landmark: Any,
+    landmark_of: Any,
+    terminal: Any,
+    slot_start: Any,
+    kind_of: Any,
+    position: Any,
+) -> Any:
+    """(steps, move): for every state and option of it, how far its landmark is within the region, and the first move.
+
+    likely (S, A): where each move leads most often; back[back_start[s]..]: the states with a move to s.
+    sources[source_start[l]..]: the states at landmark l.  slot_start (S + 1,): where the options of a state begin.
+    steps int32 is 0 at the landmark and -1 where no way leads there; move uint8 is NONE for both.
+    """
+    steps = np.full(slot_start[-1], -1, np.int32)
+    move = np.full(slot_start[-1], NONE, np.uint8)
+    queue = np.empty(likely.shape[0], np.int64)
+    n_options = landmark.size
+    for o in range(n_options):
+        end = 0
+        for s in sources[source_start[landmark[o]] : source_start[landmark[o] + 1]]:
+            steps[slot_start[s] + position[kind_of[s] * n_options + o]] = 0
+            queue[end] = s
+            end += 1
+        head = 0
+        while head < end:
+            t = queue[head]
+            head += 1
+            further = steps[slot_start[t] + position[kind_of[t] * n_options + o]] + 1
+            for i in range(back_start[t], back_start[t + 1]):
+                s = back[i]
+                place = position[kind_of[s] * n_options + o]
+                if place < 0 or terminal[s] or steps[slot_start[s] + place] >= 0:
+                    continue
+                steps[slot_start[s] + place] = further
+                queue[end] = s
+                end += 1
+                a = 0
+                while not _is_step_nearer(likely[s, a], further, steps, slot_start, kind_of, position, o, n_options):
+                    a += 1
+                move[slot_start[s] + place] = a
+    return steps, move
+
+
+@compiled
+def _is_step_nearer(
+    t: Any, further: Any, steps: Any, slot_start: Any, kind_of: Any, position: Any, o: Any, n_options: Any
+) -> Any:
+    """Whether state t is one step nearer to the landmark of option o than ``further``."""
+    place = position[kind_of[t] * n_options + o]
+    return place >= 0 and steps[slot_start[t] + place] == further - 1
+
+
+@compiled
+def backwards(likely: Any) -> Any:
+    """(back_start (S + 1,), back): for each state, those with a move that leads there most often."""
+    n_states, n_actions = likely.shape
+    start = np.zeros(n_states + 1, np.int64)
+    for s in range(n_states):
+        for a in range(n_actions):
+            start[likely[s, a] + 1] += 1
+    for s in range(n_states):
+        start[s + 1] += start[s]
+    back = np.empty(n_states * n_actions, np.int64)
+    filled = start.copy()
+    for s in range(n_states):
+        for a in range(n_actions):
+            t = likely[s, a]
+            back[filled[t]] = s
+            filled[t] += 1
+    return start, back
+
+
+@compiled
+def scan(q: Any, low: Any, high: Any) -> Any:
+    """(largest of q[low:high], where it stands first, how often it is there)."""
+    best, where, ties = q[uint64(low)], uint64(low), 1
+    for i in range(uint64(low) + uint64(1), uint64(high)):
+        if q[i] > best:
+            best, where, ties = q[i], i, 1
+        elif q[i] == best:
+            ties += 1
+    return best, int64(where), ties
+
+
+@compiled
+def chosen(q: Any, low: Any, high: Any, best: Any, ties: Any, exploring: Any, u: Any) -> Any:
+    """A place in q[low:high], each as likely: any that is open when exploring, otherwise one of the ``ties`` best."""
+    count = ties
+    if exploring:
+        count = 0
+        for i in range(low, high):
+            count += q[i] > -np.inf
+    skip = int64(below(u, count))
+    place = low
+    while skip > 0 or not (q[place] > -np.inf if exploring else q[place] == best):
+        if q[place] > -np.inf if exploring else q[place] == best:
+            skip -= 1
+        place += 1
+    return place
+
+
+@compiled
+def _spot(first: Any, kind_of: Any, option_start: Any, n_options: Any, s: Any) -> Any:
+    kind = int64(kind_of[s])
+    return Spot(first[s], option_start[kind + 1] - option_start[kind], option_start[kind], kind * n_options)
+
+
+@compiled
+def _worth(q: Any, n_actions: Any, there: Any, worst: Any) -> Any:
+    """The best that any sub-agent of a state hopes for; ``worst`` where there is none."""
+    worth, found = worst, False
+    for x in range(there.k):
+        if q[there.row + x] > -np.inf:
+            low = there.row + there.k + n_actions + x * n_actions
+            best = scan(q, low, low + n_actions)[0]
+            worth = max(worth, best) if found else best
+            found = True
+    return worth
+
+
+@compiled
+def _learn_agents(
+    q: Any,
+    landmark: Any,
+    landmark2: Any,
+    worst: Any,
+    position: Any,
+    option: Any,
+    n_actions: Any,
+    here: Any,
+    there: Any,
+    a: Any,
+    over: Any,
+    reward: Any,
+    rates: Any,
+) -> Any:
+    """Every sub-agent of a state learns from the step; with ``worst`` also how much it minds not being obeyed.
+
+    landmark (O,): where each wants to be; landmark2: that of the next state.
+    worst: None when arriving pays 1 and nothing else pays; else sub-agents are paid in the world's rewards, what
+    their landmark is worth on arriving, and ``worst`` for ending anywhere else than there or at the goal.
+    """
+    for x in range(here.k):
+        if q[here.row + x] > -np.inf:
+            o = option[here.start + x]
+            place = position[there.base + o]
+            arrived = landmark2 == landmark[o]
+            value = 0.0
+            if not over and not arrived and place >= 0 and q[there.row + place] > -np.inf:
+                low = there.row + there.k + n_actions + place * n_actions
+                value = scan(q, low, low + n_actions)[0]
+            elif worst is not None and not over:
+                value = _worth(q, n_actions, there, worst) if arrived else worst
+            target = rates.gamma * value
+            if worst is None and arrived:
+                target = 1.0
+            if worst is not None:
+                target += reward
+            low = here.row + here.k + n_actions + x * n_actions
+            if worst is not None:
+                wanted = scan(q, low, low + n_actions)[0]
+                if q[low + a] < wanted:
+                    q[here.row + x] += rates.alpha * (wanted - target - q[here.row + x])
+            q[low + a] += rates.alpha * (target - q[low + a])
+
+
+@compiled
+def run_steps(
+    grid: Any,
+    slip: Any,
+    table: Any,
+    rows: Any,
+    policy: Any,
+    intra: Any,
+    machine: Any,
+    agents: Any,
+    worst: Any,
+    rates: Any,
+    actions: Any,
+    starts: Any,
+    q: Any,
+    progress: Any,
+    n_steps: Any,
+) -> Any:
+    """Run up to n_steps steps; the world, ``actions``, ``starts`` and what is returned as in ``learning``.
+
+    policy: the move of each top choice, for options whose way is given; ``intra`` (anything): every option learns
+    from every step, not only the one that acts when it ends.
+    machine (anything): the moves of an option are choices too, and each choice learns at the next one.
+    agents: Agents; who acts is chosen anew at each step, by what the switch has learned or, when ``worst`` is
+    given, by how much each minds not being obeyed.
+    """
+    n_actions = len(actions)
+    alpha, gamma = rates.alpha, rates.gamma
+    explore = uint64(rates.epsilon * 4294967296.0)
+    r0, r1, r2, r3 = progress.stream[0], progress.stream[1], progress.stream[2], progress.stream[3]
+    whole, real = progress.whole, progress.real
+    s, t, episode = whole[STATE], whole[STEPS], whole[EPISODE]
+    running, pending = whole[RUNNING], whole[PENDING]
+    total, gain, discount = real[RETURN], real[GAIN], real[DISCOUNT]
+    first, kind_of, option_start, option, position = rows
+    n_options = position.size // (option_start.size - 1)
+    episodes = progress.steps.size
+    done = 0
+    a = int64(0)
+    here = _spot(first, kind_of, option_start, n_options, s)
+    while done < n_steps and episode < episodes:
+        if t == 0:
+            at, r0, r1, r2, r3 = started(starts, r0, r1, r2, r3)
+            s, total, running, pending = int64(at), 0.0, -1, -1
+            here = _spot(first, kind_of, option_start, n_options, s)
+        if running < 0:
+            high = here.row + here.k + n_actions
+            best, pick, ties = scan(q, here.row, high)
+            if pending >= 0:
+                q[pending] += alpha * (gain + discount * best - q[pending])
+                if here.row <= pending < high:
+                    best, pick, ties = scan(q, here.row, high)
+            u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
+            exploring = worst is None and (u >> uint64(32)) < explore
+            if exploring or ties > 1:
+                pick = chosen(q, here.row, high, best, ties, exploring, u)
+            gain, discount = 0.0, 1.0
+            if worst is None:
+                pending = pick
+            a = pick - here.row - here.k
+            if a < 0:
+                running = int64(option[here.start + pick - here.row])
+        if running >= 0:
+            place = int64(position[here.base + running])
+            if policy is not None:
+                a = int64(policy[here.row + place])
+            if policy is None:
+                low = here.row + here.k + n_actions + place * n_actions
+                best, pick, ties = scan(q, low, low + n_actions)
+                if machine is not None and pending >= 0:
+                    q[pending] += alpha * (gain + discount * best - q[pending])
+                    if low <= pending < low + n_actions:
+                        best, pick, ties = scan(q, low, low + n_actions)
+                u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
+                exploring = (u >> uint64(32)) < explore
+                if exploring or ties > 1:
+                    pick = chosen(q, low, low + n_actions, best, ties, exploring, u)
+                a = pick - low
+                if machine is not None:
+                    pending, gain, discount = pick, 0.0, 1.0
+                if agents is not None and q[pick] < best:
+                    pending = -1  # a move tried out, not the sub-agent's: the switch learns nothing from it
+        moved, over, reward, r0, r1, r2, r3 = moved_on(
+            grid, slip, table, uint64(s), uint64(a), n_actions, r0, r1, r2, r3
+        )
+        s = int64(moved)
+        there = _spot(first, kind_of, option_start, n_options, s)
+        gain += discount * reward
+        discount *= gamma
+        total += reward
+        t += 1
+        done += 1
+        if intra is not None:
+            pending, best = -1, 0.0
+            if not over:
+                best, _, _ = scan(q, there.row, there.row + there.k + n_actions)
+            for x in range(here.k + n_actions):  # not a function of its own: its arrays would be counted at each call
+                if policy[here.row + x] == a:
+                    value = best
+                    if x < here.k and not over:
+                        place = int64(position[there.base + option[here.start + x]])
+                        if place >= 0 and q[there.row + place] > -np.inf:
+                            value = q[there.row + place]
+                    q[here.row + x] += alpha * (reward + gamma * value - q[here.row + x])
+        if agents is not None:
+            running = -1
+            _learn_agents(
+                q, agents.landmark, agents.landmark_of[s], worst, position, option, n_actions, here, there, a, over,
+                reward, rates,
+            )  # fmt: skip
+        if agents is None and running >= 0:
+            place = int64(position[there.base + running])
+            if place < 0 or q[there.row + place] == -np.inf:
+                running = -1
+        if over and pending >= 0:
+            q[pending] += alpha * (gain - q[pending])
+        here = there
+        if over or t >= rates.max_steps:
+            progress.steps[episode] = t
+            progress.returns[episode] = total
+            episode += 1
+            t = 0
+    progress.stream[0], progress.stream[1], progress.stream[2], progress.stream[3] = r0, r1, r2, r3
+    whole[STATE], whole[STEPS], whole[EPISODE] = s, t, episode
+    whole[RUNNING], whole[PENDING] = running, pending
+    real[RETURN], real[GAIN], real[DISCOUNT] = total, gain, discount
+    return done

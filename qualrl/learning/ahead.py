@@ -1,0 +1,44 @@
+"""Learners that choose the next action before they learn: SARSA, SARSA(lambda), Watkins's Q(lambda)."""
+
+import numpy as np
+
+from qualrl.kernels import stepping
+from qualrl.kernels import traces as kernel
+from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world, visits_of
+from qualrl.learning.rules import LearningRule
+from qualrl.learning.settings import LearnSettings
+from qualrl.models.hybrid_mdp import HybridMDP
+
+
+class AheadLearner:
+    """A learner of the loop in ``kernels.traces``."""
+
+    def __init__(self, model: HybridMDP, rule: LearningRule, settings: LearnSettings, seed: int) -> None:
+        self.model = model
+        self.progress = fresh_progress(settings.episodes, seed)
+        rows = len(model) * model.world.n_actions
+        self._world = kernel_world(model)
+        self._q = np.zeros(rows)
+        self._trace = None
+        if rule.traces:
+            decay = model.gamma * settings.trace
+            self._trace = kernel.Trace(decay, np.zeros(rows, np.uint32), np.zeros(rows), np.zeros(rows))
+        self._on_policy = True if rule.on_policy else None
+        self._visits, alpha = visits_of(settings.alpha, rows)
+        self._rates = stepping.Rates(alpha, model.gamma, settings.epsilon, settings.max_steps or NO_LIMIT)
+        self._actions = (0,) * model.world.n_actions
+
+    def advance(self, n_steps: int) -> int:
+        """See Learner."""
+        made: int = kernel.run_ahead(
+            *self._world, self._trace, self._on_policy, self._visits, self._rates, self._actions, self.model.starts,
+            self._q, self.progress, n_steps,
+        )  # fmt: skip
+        return made
+
+    def learned(self) -> Learned:
+        """See Learner.  Rows on the trace get what they are still owed."""
+        q = self._q.copy()
+        if self._trace is not None:
+            q += self._trace.weight * (self.progress.real[kernel.OWED] - self._trace.given)
+        return Learned(q.reshape(len(self.model), -1))

@@ -1,0 +1,212 @@
+"""Learners that choose where to go before they choose a move: options, MAXQ-Q, HAMQ, and societies of sub-agents.
+
+S states, A moves, O options ("go to landmark l within region g", see ``models.landmark_ways``).
+
+How each means it on a hybrid MDP
+---------------------------------
+option-q, intra-option-q   an option follows the shortest way to its landmark.
+maxq-q                     such a task learns its moves too.  Ending elsewhere than at its landmark or where the
+                           episode ends costs its own choices a pseudo-reward below all it could lose otherwise.
+                           Completions are learned where a call was made, not all along the way.
+hamq                       the machine chooses a landmark, then at each step a move that most often leads to another
+                           place no farther from it.
+switch                     one sub-agent an option; each is paid 1 at its landmark and nothing else, so that its values
+                           are the chance of arriving, discounted.  The switch learns, on the world's rewards, whom to
+                           obey, anew at each step.
+w-learning                 sub-agents are paid the world's rewards, on arriving also gamma times what their landmark is
+                           worth (the best that any sub-agent there hopes for), and the worst possible return for
+                           ending elsewhere.  The one that would mind most not being obeyed is obeyed.
+
+Single moves are offered beside options, tasks and sub-agents when ``primitives`` is set, and always where nothing
+else leads on.  W-learning has none: where no sub-agent lives it moves at random.
+An episode cut off by ``max_steps`` teaches nothing about the choice it was cut off in.
+
+What w-learning does not promise: each Q_i tends to the optimum of its own task, but which of them wins is a
+compromise.  In a world without slip what an agent minds is proportional to gamma to the length of the way by its
+landmark, so the shortest way tends to win; nothing keeps two agents from undoing each other's moves.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.kernels import stepping
+from qualrl.kernels import task_graph as graph_kernel
+from qualrl.kernels import tasks as kernel
+from qualrl.learning import polling
+from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world
+from qualrl.learning.rules import Hierarchy, LearningRule
+from qualrl.learning.settings import LearnSettings
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.models.landmark_ways import LandmarkWays
+from qualrl.models.task_graph import TaskGraph, open_rows
+
+
+def task_learner(
+    model: HybridMDP, rule: LearningRule, settings: LearnSettings, seed: int
+) -> "LandmarkLearner | MaxqLearner":
+    """The learner of a row of ``Loop.TASKS``."""
+    kind = MaxqLearner if rule.hierarchy is Hierarchy.MAXQ else LandmarkLearner
+    return kind(model, rule, settings, seed)
+
+
+class LandmarkLearner:
+    """A learner of the loop in ``kernels.tasks``."""
+
+    def __init__(self, model: HybridMDP, rule: LearningRule, settings: LearnSettings, seed: int) -> None:
+        self.model = model
+        self.ways = LandmarkWays.of(model)
+        self.hierarchy = rule.hierarchy
+        self.progress = fresh_progress(settings.episodes, seed)
+        self._world = kernel_world(model)
+        self._rates = stepping.Rates(settings.alpha, model.gamma, settings.epsilon, settings.max_steps or NO_LIMIT)
+        self._actions = (0,) * model.world.n_actions
+        blocks = self.hierarchy not in (Hierarchy.OPTION, Hierarchy.INTRA_OPTION)
+        self.first = _first(self.ways, blocks)
+        single = self.ways.helpless if self.hierarchy is Hierarchy.W else self.ways.stuck | settings.primitives
+        may = open_rows(self.ways, self.first, single, self.hierarchy is Hierarchy.MACHINE, blocks)
+        self.q = np.where(may, 0.0, -np.inf)
+        self.policy = None if blocks else _policy(self.ways, self.first, may)
+        self._rows = kernel.Rows(
+            self.first, self.ways.kind_of, self.ways.option_start, self.ways.option, self.ways.position.ravel()
+        )
+        agents = self.hierarchy in (Hierarchy.SWITCH, Hierarchy.W)
+        self._how = (
+            () if self.hierarchy is Hierarchy.INTRA_OPTION else None,
+            () if self.hierarchy is Hierarchy.MACHINE else None,
+            kernel.Agents(self.ways.landmark, model.landmarks.landmark_of) if agents else None,
+            worst_return(model) if self.hierarchy is Hierarchy.W else None,
+        )
+
+    def advance(self, n_steps: int) -> int:
+        """See Learner."""
+        made: int = kernel.run_steps(
+            *self._world, self._rows, self.policy, *self._how, self._rates, self._actions, self.model.starts,
+            self.q, self.progress, n_steps,
+        )  # fmt: skip
+        return made
+
+    def learned(self) -> Learned:
+        """See Learner."""
+        if self.policy is not None:
+            polled = polling.of_options(self.ways, self.first, self.q, self.policy)
+        elif self.hierarchy is Hierarchy.W:
+            polled = polling.of_winners(self.ways, self.first, self.q)
+        else:
+            polled = polling.of_blocks(self.ways, self.first, self.q)
+        if self.hierarchy in (Hierarchy.OPTION, Hierarchy.MACHINE):
+            polled = polling.keep_to_choices(polled, self.model, self._step)
+        return Learned(polled)
+
+    def _step(self, state: int, running: int | None) -> tuple[int | None, int, bool]:
+        """The greedy step: (option that runs now, move, whether it was chosen just now)."""
+        row, kind = self.first[state], self.ways.kind_of[state]
+        n_actions, start = self.ways.n_actions, self.ways.option_start[kind]
+        k = int(self.ways.option_start[kind + 1] - start)
+        place = -1 if running is None else int(self.ways.position[kind, running])
+        fresh = place < 0 or self.q[row + place] == -np.inf
+        if fresh:
+            place = int(self.q[row : row + k + n_actions].argmax())
+            if place >= k:
+                return None, place - k, True
+        block = row + k + n_actions + place * n_actions
+        move = self.q[block : block + n_actions].argmax() if self.policy is None else self.policy[row + place]
+        return int(self.ways.option[start + place]), int(move), fresh
+
+
+class MaxqLearner:
+    """A learner of the loop in ``kernels.task_graph``: on the model's own task graph, or on that of its landmarks."""
+
+    def __init__(self, model: HybridMDP, rule: LearningRule, settings: LearnSettings, seed: int) -> None:
+        self.model = model
+        self.graph = model.tasks or landmark_tasks(model, settings.primitives)
+        self.progress = fresh_progress(settings.episodes, seed)
+        self._world = kernel_world(model)
+        self._rates = stepping.Rates(settings.alpha, model.gamma, settings.epsilon, settings.max_steps or NO_LIMIT)
+        self._actions = (0,) * model.world.n_actions
+        self._graph = graph_kernel.Graph(
+            self.graph.first, self.graph.kind_of, self.graph.begin.ravel(), self.graph.end.ravel(),
+            self.graph.child_start[:-1], self.graph.child, *self.graph.callers(),
+        )  # fmt: skip
+        stack = np.zeros((4, self.graph.depth), np.int64)
+        self._calls = graph_kernel.Calls(stack[0], stack[1], stack[2], stack[3])
+        self.own = np.where(self.graph.open, 0.0, -np.inf)
+        """(W,) completions as each task goes by them."""
+        self.outer = self.own.copy() if self.graph.has_pseudo_rewards else None
+        """(W,) completions as others see them; None where the two are the same."""
+        self.called = np.zeros(len(self.own))
+        """(W,) value of what each entry calls."""
+        self._pseudo = _pseudo(self.graph) if self.graph.has_pseudo_rewards else None
+        self.move_value = np.zeros(len(model) * model.world.n_actions)
+
+    def advance(self, n_steps: int) -> int:
+        """See Learner."""
+        made: int = graph_kernel.run_steps(
+            *self._world, self._graph, self._pseudo, self._calls, self._rates, self._actions, self.model.starts,
+            self.called, self.own, self.outer, self.move_value, self.progress, n_steps,
+        )  # fmt: skip
+        return made
+
+    def learned(self) -> Learned:
+        """See Learner."""
+        outer = self.own if self.outer is None else self.outer
+        polled = polling.of_graph(self.graph, outer, self.own, self.move_value)
+        return Learned(polling.keep_to_choices(polled, self.model, self._step))
+
+    def _step(self, state: int, running: tuple[int, ...] | None) -> tuple[tuple[int, ...], int, bool]:
+        """The greedy step: (tasks that run now below the root, move, whether the first was chosen just now)."""
+        graph, kind, row = self.graph, self.graph.kind_of[state], self.graph.first[state]
+
+        def values(task: int) -> NDArray[np.float64]:
+            entries = slice(row + graph.begin[kind, task], row + graph.end[kind, task])
+            found: NDArray[np.float64] = self.called[entries] + self.own[entries]
+            return found
+
+        stack = list(running or ())
+        while stack and values(stack[-1]).max(initial=-np.inf) == -np.inf:
+            stack.pop()
+        fresh = not stack
+        while True:
+            task = stack[-1] if stack else 0
+            entry = graph.begin[kind, task] + values(task).argmax()
+            child = int(graph.child[graph.child_start[kind] + entry])
+            if child < graph.n_actions:
+                return tuple(stack), child, fresh
+            stack.append(child - graph.n_actions)
+
+
+def landmark_tasks(model: HybridMDP, primitives: bool = True) -> TaskGraph:
+    """The task graph of a model's landmarks; a task that fails is paid less than anything else could cost it."""
+    ways, failing = LandmarkWays.of(model), 0.0
+    if (ways.position < 0).any() or (ways.steps < 0).any():  # otherwise no task can fail
+        failing = worst_return(model) - max(model.world.reward_bounds[1], 0.0)
+    return TaskGraph.from_landmarks(ways, model.landmarks.landmark_of, failing, primitives)
+
+
+def worst_return(model: HybridMDP) -> float:
+    """The least that any policy may earn, discounted."""
+    return min(model.world.reward_bounds[0], 0.0) / (1 - model.gamma)
+
+
+def _first(ways: LandmarkWays, blocks: bool) -> NDArray[np.int64]:
+    """(S + 1,) where rows begin."""
+    width = ways.options_of * (1 + blocks * ways.n_actions) + ways.n_actions
+    return np.concatenate([[0], np.cumsum(width)])
+
+
+def _policy(ways: LandmarkWays, first: NDArray[np.int64], may: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """(W,) the move of each top choice; NONE for those that may not be made."""
+    policy = np.full(first[-1], kernel.NONE, np.uint8)
+    for kind, k in enumerate(np.diff(ways.option_start).tolist()):
+        row = first[ways.states_of_kind(kind)][:, None]
+        policy[row + np.arange(k)] = ways.table(ways.move, kind)
+        policy[row + k + np.arange(ways.n_actions)] = np.arange(ways.n_actions)
+    policy[~may] = kernel.NONE
+    return policy
+
+
+def _pseudo(graph: TaskGraph) -> graph_kernel.Pseudo:
+    listed = [sorted(amounts.items()) for amounts in graph.pseudo]
+    start = np.concatenate([[0], np.cumsum([len(pairs) for pairs in listed])])
+    state = np.array([state for pairs in listed for state, _ in pairs], np.int64)
+    amount = np.array([amount for pairs in listed for _, amount in pairs], np.float64)
+    return graph_kernel.Pseudo(graph.pseudo_otherwise, start, state, amount)

@@ -1,0 +1,178 @@
+"""Learners that plan with what they have seen: Dyna-Q, prioritized sweeping, and hql-replay.
+
+S states, A actions, K outcomes (see ``kernels.stepping.happened`` for how they are numbered).
+
+hql-replay: why its values tend to Q*
+-------------------------------------
+Its action values solve, up to what still waits, the MDP of the frequencies seen: Q(s, a) is the mean of
+r + gamma max Q(s', .) over all outcomes of a in s so far, tried actions only.  (1) With epsilon > 0 every action of
+every state that can be come back to is tried infinitely often, so the frequencies tend to the true probabilities
+with probability 1 (the strong law; as a Robbins-Monro step this is alpha_k = 1/k, which meets Theorem 2).  (2) The
+optimal values of a finite discounted MDP depend continuously on its probabilities.  (3) A state whose value changed
+by more than the tolerance waits in its region, regions are replayed at every qualitative transition within a budget
+that never runs out for good, and each backup is a contraction by gamma: asynchronous value iteration (Bertsekas and
+Tsitsiklis 1989, section 4.3) follows the moving fixed point.  Unlike the eta of Algorithm 2, nothing handed down by
+the qualitative level is an estimate of its own: it only says which regions are replayed, in which order, and where
+to explore.  So no bias is left to fade, under slip either.
+"""
+
+from typing import cast
+
+import networkx as nx
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.kernels import planning as kernel
+from qualrl.kernels import replay, stepping
+from qualrl.kernels.experience import Experience
+from qualrl.learning.learner import NO_LIMIT, KernelWorld, Learned, fresh_progress, kernel_world, visits_of
+from qualrl.learning.rules import LearningRule, Planner
+from qualrl.learning.settings import LearnSettings
+from qualrl.models.grid_world import GridWorld
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.solving.exact import shift_of
+
+
+class PlanningLearner:
+    """A learner of the loop in ``kernels.planning``."""
+
+    def __init__(self, model: HybridMDP, rule: LearningRule, settings: LearnSettings, seed: int) -> None:
+        self.model = model
+        self.progress = fresh_progress(settings.episodes, seed)
+        self.progress.whole[kernel.NEEDED] = self.progress.whole[kernel.PATIENCE] = 1
+        self.progress.real[kernel.LET_GO] = kernel.TOLERANCE
+        self._world = kernel_world(model)
+        n_states, n_actions = len(model), model.world.n_actions
+        self._shift = shift_of(model.world) if rule.planner is Planner.REGIONS else 0.0
+        self._seen = experience(model, self._world, self._shift)
+        self._q = np.zeros(n_states * n_actions)
+        self._value = np.where(_terminal(model), self._shift, 0.0)
+        self._dyna = self._heap = self._levels = None
+        if rule.planner is Planner.DYNA:
+            self._dyna = kernel.Dyna(np.zeros(len(self._q), np.uint32), settings.planning_steps)
+        if rule.planner is Planner.HEAP:
+            self._heap = _heap(n_states, settings)
+        if rule.planner is Planner.REGIONS:
+            self._levels = _levels(model, settings, self._shift)
+        self._visits, alpha = visits_of(settings.alpha, len(self._q)) if rule.planner is Planner.DYNA else (None, 0.0)
+        self._rates = stepping.Rates(alpha, model.gamma, settings.epsilon, settings.max_steps or NO_LIMIT)
+        self._actions = (0,) * n_actions
+
+    def advance(self, n_steps: int) -> int:
+        """See Learner."""
+        made: int = kernel.run_planning(
+            *self._world, self._seen, self._dyna, self._heap, self._levels, self._visits, self._rates, self._actions,
+            self.model.starts, self._q, self._value, self.progress, n_steps,
+        )  # fmt: skip
+        return made
+
+    def learned(self) -> Learned:
+        """See Learner."""
+        q = self._q.reshape(len(self.model), -1) - self._shift
+        q[_terminal(self.model)] = 0.0
+        return Learned(q)
+
+
+def experience(model: HybridMDP, world: KernelWorld, shift: float) -> Experience:
+    """Counts of nothing seen yet; rewards shifted so that values are ``shift`` larger."""
+    grid, slip, table = world
+    n_states, n_actions = len(model), model.world.n_actions
+    added = shift * (1 - model.gamma)
+    if table is not None:
+        targets, row_of = table.target, np.repeat(np.arange(n_states * n_actions), np.diff(table.row_start))
+        reward, goal_reward, several = table.reward + added, 0.0, True
+    else:
+        assert grid is not None
+        several = slip is not None
+        row_of = np.arange(n_states * n_actions).repeat(n_actions if several else 1)
+        targets = grid.successor
+        if several:
+            targets = np.repeat(targets.reshape(n_states, n_actions), n_actions, axis=0).ravel()
+        reward, goal_reward = grid.step_reward + added, grid.goal_reward + added
+    before_start, before = _before(targets, ~_terminal(model)[row_of // n_actions], n_states)
+    return Experience(
+        np.zeros(n_states * n_actions, np.uint32),
+        np.zeros(len(targets) if several else 1, np.uint32),
+        reward, goal_reward, np.zeros(1, np.uint32) if grid is None else grid.successor.copy(), before_start, before,
+        row_of.astype(np.uint32) if table is not None else np.zeros(1, np.uint32),
+    )  # fmt: skip
+
+
+def _before(
+    targets: NDArray[np.uint32], used: NDArray[np.bool_], n_states: int
+) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
+    """Outcomes by the state they lead to, in compressed rows."""
+    outcomes = np.flatnonzero(used).astype(np.uint32)
+    order = np.argsort(targets[outcomes], kind="stable")
+    start = np.zeros(n_states + 1, np.int64)
+    np.cumsum(np.bincount(targets[outcomes], minlength=n_states), out=start[1:])
+    return start, outcomes[order]
+
+
+def _terminal(model: HybridMDP) -> NDArray[np.bool_]:
+    if isinstance(model.world, GridWorld):
+        terminal = np.zeros(len(model), np.bool_)
+        terminal[model.world.goal] = True
+        return terminal
+    return model.world.terminal
+
+
+def _heap(n_states: int, settings: LearnSettings) -> kernel.Heap:
+    return kernel.Heap(
+        np.zeros(n_states, np.uint32), np.full(n_states, -1, np.int32), np.zeros(n_states),
+        settings.planning_threshold, settings.planning_steps,
+    )  # fmt: skip
+
+
+def _levels(model: HybridMDP, settings: LearnSettings, shift: float) -> replay.Levels:
+    n_states, n_regions = len(model), len(model.region_names)
+    ring_start = np.zeros(n_regions + 1, np.int64)
+    np.cumsum(np.bincount(model.region_of, minlength=n_regions), out=ring_start[1:])
+    promise, best_step = _promises(model, shift)
+    return replay.Levels(
+        model.region_of, model.landmarks.landmark_of, relevant_regions(model), np.zeros(n_states, np.uint32),
+        ring_start, np.zeros(n_regions, np.int64), np.zeros(n_regions, np.int64), np.zeros(n_states, np.bool_),
+        np.zeros(n_regions), np.zeros(n_states, np.int64), np.zeros(n_states, np.uint32),
+        np.zeros(n_states, np.uint32), np.zeros(n_states, np.uint32),
+        np.zeros(model.world.n_actions**2, np.int64), np.zeros(replay.NOTES, np.int64),
+        promise, best_step, settings.tries, settings.planning_steps,
+    )  # fmt: skip
+
+
+def _promises(model: HybridMDP, shift: float) -> tuple[float, float]:
+    """(the most an action can be worth, the largest reward of a step on the way), both shifted.
+
+    Optimism in the face of uncertainty, from the bounds of the rewards alone (as R-max, Brafman and Tennenholtz 2002).
+    """
+    world = model.world
+    if isinstance(world, GridWorld):
+        on_the_way, at_the_end = float(world.move_reward.max()), world.goal_reward
+    else:
+        live = ~world.terminal[world.source]
+        ends = world.terminal[world.target] & live
+        on_the_way = float(world.reward[live & ~ends].max(initial=world.reward.min()))
+        at_the_end = float(world.reward[ends].max(initial=world.reward.min()))
+    most = max(at_the_end, on_the_way / (1 - world.gamma) if on_the_way > 0 else on_the_way + world.gamma * at_the_end)
+    return most + shift, on_the_way + shift * (1 - world.gamma)
+
+
+def relevant_regions(model: HybridMDP) -> NDArray[np.bool_]:
+    """(R,) regions that a way from the start to the goal may pass without entering any region twice.
+
+    All of them when episodes start at random, or when the model came without a map: other rewards than the
+    goal's could then lie off the way.
+    """
+    everywhere = np.ones(len(model.region_names), np.bool_)
+    if model.start is None or not isinstance(model.world, GridWorld):
+        return everywhere
+    names = model.region_names
+    first, last = names[model.region_of[model.start]], names[model.region_of[model.world.goal]]
+    if first == last:
+        return np.array([name == first for name in names])
+    neighbours: nx.Graph[str] = nx.Graph(cast("nx.Graph[str]", model.graph.to_undirected()))
+    neighbours.add_edge(first, last)  # what lies on a simple path is on a cycle with this edge
+    for part in nx.biconnected_components(neighbours):
+        passed = {str(name) for name in part}
+        if {first, last} <= passed:
+            return np.array([name in passed for name in names])
+    return everywhere

@@ -1,0 +1,141 @@
+"""A flat table of action values from what a hierarchical learner knows, by polling.
+
+S states, A moves, W entries, K options of a state.  q[s, a] is the best value among the choices at the top in s
+whose greedy way begins with move a, and -inf where there is none; rows of terminal states are 0.
+A learner that keeps to a choice until it has ended is asked for its way from the start too: where a choice is under
+way there is nothing to choose, and what it once thought of other choices there it may not have looked at for long.
+"""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.kernels.tasks import NONE
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.models.landmark_ways import LandmarkWays, likely_targets, terminal_states
+from qualrl.models.task_graph import TaskGraph
+
+Floats = NDArray[np.float64]
+TIE = 1e-9
+Running = TypeVar("Running")
+
+
+def of_options(ways: LandmarkWays, first: NDArray[np.int64], values: Floats, policy: NDArray[np.uint8]) -> Floats:
+    """When the move of each top choice is given: policy (W,)."""
+    polled = _nothing(ways)
+    state = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    may = policy != NONE
+    np.maximum.at(polled, (state[may], policy[may]), values[may])
+    return polled
+
+
+def of_blocks(ways: LandmarkWays, first: NDArray[np.int64], values: Floats) -> Floats:
+    """When each option makes the best move of its block."""
+    polled, n_actions = _nothing(ways), ways.n_actions
+    for kind, k in enumerate(np.diff(ways.option_start).tolist()):
+        states = _open_states(ways, kind)
+        top, block = _rows(first, values, states, k, n_actions)
+        move = np.concatenate([block.argmax(axis=2), np.tile(np.arange(n_actions), (len(states), 1))], axis=1)
+        np.maximum.at(polled, (states[:, None], move), top)
+    return polled
+
+
+def of_winners(ways: LandmarkWays, first: NDArray[np.int64], values: Floats) -> Floats:
+    """When the option whose top value is largest acts: its best move, and what it hopes for.
+
+    Where there is no option the moves are all alike: 0.
+    """
+    polled, n_actions = _nothing(ways), ways.n_actions
+    polled[ways.helpless] = 0.0
+    for kind, k in enumerate(np.diff(ways.option_start).tolist()):
+        states = _open_states(ways, kind)
+        states = states[~ways.helpless[states]]
+        if len(states):
+            top, block = _rows(first, values, states, k, n_actions)
+            won = block[np.arange(len(states)), top[:, :k].argmax(axis=1)]
+            polled[states, won.argmax(axis=1)] = won.max(axis=1)
+    return polled
+
+
+def of_graph(graph: TaskGraph, outer: Floats, inner: Floats, move_value: Floats) -> Floats:
+    """When each task makes the call that its own completions, ``inner``, say is best."""
+    value_of_move = move_value.reshape(-1, graph.n_actions)
+    polled = np.full(value_of_move.shape, -np.inf)
+    for kind in range(len(graph.begin)):
+        states = np.flatnonzero(graph.kind_of == kind)
+        for call in range(graph.begin[kind, 0], graph.end[kind, 0]):
+            value, move = _called(graph, kind, call, states, outer, inner, value_of_move)
+            np.maximum.at(polled, (states, move), value + outer[graph.first[states] + call])
+    polled[polled.max(axis=1) == -np.inf] = 0.0  # terminal states: nothing is open there
+    return polled
+
+
+def keep_to_choices(
+    polled: Floats, model: HybridMDP, step: Callable[[int, Running | None], tuple[Running | None, int, bool]]
+) -> Floats:
+    """The same table, but along the learner's greedy way from the model's start only the move of what is under way.
+
+    step(state, what runs) -> (what runs now, the move, whether that was chosen at the top just now).
+    Such a move keeps its polled value, or has that of the choice it belongs to.  Where something was chosen, moves
+    that are as good count for a little less, so that the way is the learner's own.  Writes to ``polled``.
+    """
+    if model.start is None:
+        return polled
+    likely, terminal = likely_targets(model), terminal_states(model)
+    state, running, seen, value = model.start, None, set[int](), 0.0
+    while not terminal[state] and state not in seen:
+        seen.add(state)
+        running, move, fresh = step(state, running)
+        value = float(polled[state, move]) if polled[state, move] > -np.inf else value
+        if not fresh:
+            polled[state] = -np.inf
+            polled[state, move] = value
+        as_good = polled[state] >= value - TIE * abs(value)
+        as_good[move] = False
+        polled[state, as_good] = value - TIE * abs(value)
+        state = int(likely[state, move])
+    return polled
+
+
+def _called(
+    graph: TaskGraph, kind: int, call: int, states: NDArray[np.int64], outer: Floats, inner: Floats, move_value: Floats
+) -> tuple[Floats, NDArray[np.int64]]:
+    """(value of what an entry calls, the move it begins with) in each state of a kind."""
+    child = int(graph.child[graph.child_start[kind] + call])
+    if child < graph.n_actions:
+        return move_value[states, child], np.full(len(states), child)
+    best, seen = np.full(len(states), -np.inf), np.full(len(states), -np.inf)
+    first_move = np.zeros(len(states), np.int64)
+    task = child - graph.n_actions
+    for below in range(graph.begin[kind, task], graph.end[kind, task]):
+        value, move = _called(graph, kind, below, states, outer, inner, move_value)
+        entry = graph.first[states] + below
+        by = value + inner[entry]
+        better = by > best
+        best[better], first_move[better] = by[better], move[better]
+        seen[better] = (value + outer[entry])[better]
+    return seen, first_move
+
+
+def _nothing(ways: LandmarkWays) -> Floats:
+    """(S, A) -inf, and 0 in terminal states."""
+    polled = np.full((len(ways.terminal), ways.n_actions), -np.inf)
+    polled[ways.terminal] = 0.0
+    return polled
+
+
+def _open_states(ways: LandmarkWays, kind: int) -> NDArray[np.int64]:
+    states = ways.states_of_kind(kind)
+    return states[~ways.terminal[states]]
+
+
+def _rows(
+    first: NDArray[np.int64], values: Floats, states: NDArray[np.int64], k: int, n_actions: int
+) -> tuple[Floats, Floats]:
+    """((states, K + A) top values, (states, K, A) blocks)."""
+    row = first[states][:, None]
+    top = values[row + np.arange(k + n_actions)]
+    block = values[row + k + n_actions + np.arange(k * n_actions)]
+    return top, block.reshape(len(states), k, n_actions)

@@ -1,0 +1,1 @@
+"""The law behind Figures 7 to 9: what episodes x alpha is."""

@@ -1,0 +1,118 @@
+"""Running a study: every cell (learner, setting, reading) with every seed, over threads.
+
+The compiled loops release the interpreter's lock, so threads share the processor's cores.  A run depends on its
+cell and seed only and is stored in its own place, so the number of threads changes nothing but the time.
+"""
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from qualrl.learning.settings import LearnSettings
+from qualrl.learning.trainer import train
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.studies.measures import MEASURES, Measure, measured, thinned
+from qualrl.studies.settings import Series, StudySettings
+from qualrl.studies.statistics import Floats
+
+PUZZLE = "puzzle"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What is run alike with every seed."""
+
+    series: str
+    algorithm: str
+    alpha: float
+    epsilon: float
+    reading: str | None = None
+    """Name of the reading, where the paper leaves something open."""
+    chosen: tuple[tuple[str, str | bool], ...] = ()
+    """Settings of the learner that make the reading."""
+    maze: str = PUZZLE
+    episodes: int | None = None
+    """Episodes, where they differ from the study's."""
+
+    @property
+    def label(self) -> str:
+        """The learner and its reading."""
+        return self.series if self.reading is None else f"{self.series} ({self.reading})"
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """The runs of a cell; N seeds, P points."""
+
+    measures: dict[Measure, Floats]
+    """(N,) each."""
+    curve: Floats
+    """(N, P) mean steps of each stretch of episodes."""
+
+
+def cells_of(settings: StudySettings) -> list[Cell]:
+    """Every combination that the settings ask for on the puzzle."""
+    return [
+        Cell(name, series.algorithm, alpha, epsilon, reading, tuple(chosen.items()))
+        for name, series in settings.series.items()
+        for reading, chosen in _readings(series)
+        for alpha in series.alpha
+        for epsilon in series.epsilon
+    ]
+
+
+def _readings(series: Series) -> list[tuple[str | None, dict[str, str | bool]]]:
+    named: list[tuple[str | None, dict[str, str | bool]]] = [*series.readings.items()]
+    return named or [(None, {})]
+
+
+def run_cells(
+    settings: StudySettings,
+    cells: Sequence[Cell],
+    mazes: dict[str, HybridMDP],
+    *,
+    seeds: int,
+    episodes: int | None = None,
+    threads: int | None = None,
+    watch: Callable[[int], None] | None = None,
+) -> list[Runs]:
+    """Run every cell with seeds 0, 1, ...; ``watch`` is told how many runs are done.
+
+    episodes: instead of those in the settings, for a quick look.
+    """
+    optimum = {name: _optimum(model) for name, model in mazes.items()}
+
+    def one(cell: Cell, seed: int) -> tuple[dict[Measure, float], Floats]:
+        chosen = LearnSettings(
+            episodes=episodes or cell.episodes or settings.episodes, alpha=cell.alpha, epsilon=cell.epsilon,
+            eta0=settings.eta0, eta_power=settings.eta_power, **dict[str, Any](cell.chosen),
+        )  # fmt: skip
+        run = train(mazes[cell.maze], cell.algorithm, chosen, seed)
+        return measured(run, optimum[cell.maze]), thinned(run.steps, settings.points)
+
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        jobs = [[pool.submit(one, cell, seed) for seed in range(seeds)] for cell in cells]
+        try:
+            for done, job in enumerate(as_completed([job for row in jobs for job in row]), 1):
+                job.result()
+                if watch is not None:
+                    watch(done)
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    return [_gathered([job.result() for job in row]) for row in jobs]
+
+
+def _gathered(results: list[tuple[dict[Measure, float], Floats]]) -> Runs:
+    values = {name: np.array([found[name] for found, _ in results]) for name in MEASURES}
+    return Runs(values, np.array([curve for _, curve in results]))
+
+
+def _optimum(model: HybridMDP) -> int:
+    """Steps of the shortest way; also readies what the threads share."""
+    start = int(model.starts[0])
+    return int(model.grid.steps_to_goal[start])

@@ -1,0 +1,167 @@
+"""A study from its settings to its verdicts."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
+from itertools import product
+
+import numpy as np
+
+from qualrl.io.bundled import bundled_folder
+from qualrl.io.scenario import load_scenario
+from qualrl.learning.rules import RULES
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.studies.claims import (
+    NOT_MEASURED,
+    Alike,
+    Claim,
+    Coefficient,
+    Falling,
+    Finding,
+    Judged,
+    Selector,
+    Share,
+    Unmeasured,
+    judged,
+)
+from qualrl.studies.law.score import Fits, corridor_cells, corridor_mazes, fits
+from qualrl.studies.running import PUZZLE, Cell, Runs, cells_of, run_cells
+from qualrl.studies.settings import StudySettings, load_study
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A figure of the paper, measured and judged."""
+
+    name: str
+    settings: StudySettings
+    seeds: int
+    episodes: int
+    """Of the runs on the puzzle."""
+    runs: dict[Cell, Runs]
+    claims: list[Judged]
+    notes: list[str]
+    seconds: float
+    fits: Fits = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A study ready to run."""
+
+    name: str
+    settings: StudySettings
+    cells: list[Cell]
+    missing: dict[str, str]
+    """Series -> learner, for those that this version has no learner for."""
+    seeds: int
+
+    @property
+    def n_runs(self) -> int:
+        """How many runs it takes."""
+        return len(self.cells) * self.seeds
+
+
+def prepared(name: str, seeds: int | None = None, settings: StudySettings | None = None) -> Prepared:
+    """Make a study ready.  seeds, settings: instead of the study's own.  Raises UnknownNameError."""
+    chosen = settings or load_study(name)
+    law = {} if chosen.law is None else corridor_cells(chosen.law)
+    wanted = [*cells_of(chosen), *law]
+    missing = {cell.series: cell.algorithm for cell in wanted if cell.algorithm not in RULES}
+    cells = [cell for cell in wanted if cell.series not in missing]
+    return Prepared(name, chosen, cells, missing, seeds or chosen.seeds)
+
+
+def run_study(
+    study: Prepared,
+    *,
+    episodes: int | None = None,
+    threads: int | None = None,
+    watch: Callable[[int], None] | None = None,
+) -> Study:
+    """Run, measure and judge.  ``watch`` is told how many runs are done."""
+    begun = time.perf_counter()
+    settings = study.settings
+    mazes = {} if settings.law is None else corridor_mazes(settings)
+    if settings.series:
+        mazes[PUZZLE] = puzzle(settings.gamma)
+    found = run_cells(settings, study.cells, mazes, seeds=study.seeds, episodes=episodes, threads=threads, watch=watch)
+    runs = dict(zip(study.cells, found, strict=True))
+    fitted = {} if settings.law is None else fits(settings.law, runs)
+    notes = [f"{series}: left out, {_lacking(algorithm)}" for series, algorithm in study.missing.items()]
+    claims = [judge(claim, runs, fitted, study.missing) for claim in settings.claims]
+    return Study(
+        study.name, settings, study.seeds, episodes or settings.episodes, runs, claims, [*settings.notes, *notes],
+        time.perf_counter() - begun, fitted,
+    )  # fmt: skip
+
+
+@cache
+def puzzle(gamma: float) -> HybridMDP:
+    """The paper's puzzle with the paper's landmarks."""
+    scenario = load_scenario(bundled_folder() / "puzzle.scenario.yaml")
+    return scenario.with_settings([f"learn.gamma={gamma}"]).build()
+
+
+def judge(claim: Claim, runs: Mapping[Cell, Runs], fitted: Fits, missing: Mapping[str, str]) -> Judged:
+    """What the runs say of a claim, for each reading that they were made in."""
+    if isinstance(claim, Unmeasured):
+        return Judged(claim.says, {}, NOT_MEASURED, claim.why)
+    if isinstance(claim, Coefficient):
+        return judged(claim.says, {("",): claim.judge(fitted)})
+    absent = [missing[selector.series] for selector in claim.selectors() if selector.series in missing]
+    if absent:
+        return Judged(claim.says, {}, NOT_MEASURED, _lacking(absent[0]))
+    groups = [selected(selector, runs) for selector in claim.selectors()]
+    findings = {}
+    for readings in _readings(groups):
+        cells = [
+            [cell for cell in group if cell.reading == reading] for group, reading in zip(groups, readings, strict=True)
+        ]
+        if isinstance(claim, Falling | Share):
+            along = claim.along if isinstance(claim, Falling) else "alpha"
+            picked = sorted(cells[0], key=lambda cell: float(getattr(cell, along)))
+        else:
+            picked = [one for (one,) in cells]
+        findings[tuple(reading or "" for reading in readings)] = _found(claim, [runs[cell] for cell in picked])
+    return judged(claim.says, findings)
+
+
+def _readings(groups: list[list[Cell]]) -> list[tuple[str | None, ...]]:
+    """Readings to judge by, one for each group: the same for groups of one series, else every combination."""
+    names = [list(dict.fromkeys(cell.reading for cell in group)) for group in groups]
+    alike = len({cell.series for group in groups for cell in group}) == 1
+    return list(zip(*names, strict=True)) if alike else list(product(*names))
+
+
+def selected(selector: Selector, runs: Mapping[Cell, Runs]) -> list[Cell]:
+    """The cells that a selector means, on the puzzle."""
+    return [
+        cell
+        for cell in runs
+        if cell.maze == PUZZLE
+        and cell.series == selector.series
+        and selector.alpha in (None, cell.alpha)
+        and selector.epsilon in (None, cell.epsilon)
+    ]
+
+
+def _found(claim: Claim, picked: list[Runs]) -> Finding:
+    """A finding, with a warning where runs ended before they converged: their numbers are lower bounds."""
+    assert not isinstance(claim, Coefficient | Unmeasured)
+    samples = [runs.measures[claim.measure] for runs in picked]
+    there = [sample[~np.isnan(sample)] for sample in samples]
+    if not all(len(sample) for sample in there):
+        return Finding(False, "nothing to measure in any run")
+    found = claim.judge(there)
+    short = [int((runs.measures["converges"] == 0).sum()) for runs in picked]
+    if claim.measure == "converges" or not any(short):
+        return found
+    holds = found.holds and not (isinstance(claim, Alike) and max(short) > len(samples[0]) / 2)
+    missed = "no run" if max(short) == len(samples[0]) else f"all but {max(short)} runs"
+    return replace(found, holds=holds, text=f"{found.text}; {missed} converged in time")
+
+
+def _lacking(algorithm: str) -> str:
+    return f"no learner {algorithm!r} in this version"
