@@ -126,12 +126,21 @@ def learn(
     eta0=0.1,
     power=1.2,
     counter="run",
+    upper_alpha=None,
+    macro_return="departure",
+    macro_discount="gamma_tau",
 ):
     """Algorithm 1 of the paper, and Algorithm 2 when ``landmarks`` = (landmark of each state, arcs by landmark).
 
     step(state, action, draws) -> (next state, reward).  Draws are used in the order: start (if there are several),
-    choice, outcome.  Returns (q, steps, returns).
+    choice, outcome.  alpha and upper_alpha are numbers, or functions of the number of earlier updates.
+    Returns (q, steps, returns).
     """
+    rate, arc_rate = (
+        given if callable(given) else (lambda _, given=given: given)
+        for given in (alpha, alpha if upper_alpha is None else upper_alpha)
+    )
+    updates, travels = {}, {}
     draws = xoshiro(seed)
     q = [[0.0] * n_actions for _ in range(n_states)]
     upper = {}
@@ -155,10 +164,12 @@ def learn(
             s2, reward = step(s, a, draws)
             over = terminal(s2)
             target = reward if over else reward + gamma * max(q[s2])
-            q[s][a] += alpha * (target - q[s][a])
+            q[s][a] += rate(updates.get((s, a), 0)) * (target - q[s][a])
+            updates[s, a] = updates.get((s, a), 0) + 1
             t, total = t + 1, total + reward
             if landmarks:
-                if at_landmark >= 0 and landmarks[0][s] == at_landmark:
+                home = at_landmark >= 0 and landmarks[0][s] == at_landmark
+                if home and (macro_return == "departure" or left is None):
                     left = {"at": s, "by": a, "gain": 0.0, "discount": 1.0}
                 if left is not None:
                     left["gain"] += left["discount"] * reward
@@ -169,9 +180,12 @@ def learn(
                         onward = [v for (i, _), v in upper.items() if i == here]
                         macro = left["gain"]
                         if not over:
-                            macro += left["discount"] * (max(onward) if onward else 0.0)
+                            fades = left["discount"] if macro_discount == "gamma_tau" else gamma
+                            macro += fades * (max(onward) if onward else 0.0)
                         arc = (at_landmark, here)
-                        upper[arc] = upper.get(arc, 0.0) + alpha * (macro - upper.get(arc, 0.0))
+                        new = arc_rate(travels.get(arc, 0))
+                        travels[arc] = travels.get(arc, 0) + 1
+                        upper[arc] = upper.get(arc, 0.0) + new * (macro - upper.get(arc, 0.0))
                         pair = (at_landmark, left["by"])
                         n = counts.get(pair, 0) if counter == "pair" else run_count
                         counts[pair] = counts.get(pair, 0) + 1
@@ -179,7 +193,7 @@ def learn(
                         eta = eta0 ** math.prod([power] * n) if n < 400 else 0.0
                         old = q[left["at"]][left["by"]]
                         q[left["at"]][left["by"]] = old + eta * (upper[arc] - old)
-                    at_landmark = here
+                    at_landmark, left = here, None
             s = s2
             if over or (max_steps is not None and t >= max_steps):
                 break

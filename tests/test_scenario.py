@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from qualrl.errors import QualrlError, ScenarioError
 from qualrl.io.scenario import (
-    LearnSettings,
     MadeWith,
     MotionSettings,
     RewardSettings,
@@ -21,6 +20,8 @@ from qualrl.io.scenario import (
     load_scenario,
     scenario_schema,
 )
+from qualrl.io.scenario_learn import LearnSettings
+from qualrl.learning.rules import RULES
 from qualrl.spatial.place import Place, PlaceCell, PlaceMetres, PlaceName, read_place
 
 LEAST = "map: office.yaml\ngoal: room C\n"
@@ -74,13 +75,13 @@ def test_all_errors_at_once_in_the_order_of_the_file(write: Any) -> None:
         "goal: 12\n"
         "seed: -1\n"
         "learn:\n"
-        '  alpha: "0.1"\n'
+        '  alpha: "0.1 k j"\n'
         "  gama: 0.9\n"
         "  gamma: 1.5\n"
         "  epsilon: .inf\n"
         "  seed: 4\n"
         "  max_steps: 2.5\n"
-        "  algorithm: sarsa\n"
+        "  algorithm: sarza\n"
         "motion: 8\n"
         "alpha: 1\n"
         'names: {a: "", b: "1,2", c: 3}\n'
@@ -92,13 +93,13 @@ def test_all_errors_at_once_in_the_order_of_the_file(write: Any) -> None:
         "s.yaml:2:7: goal: must be a name, [row, column] in whole numbers, or [x, y] in metres with a decimal point, "
         "got 12; quote a name that looks like a number",
         "s.yaml:3:7: seed: must be at least 0, got -1",
-        "s.yaml:5:10: learn.alpha: must be a number, got '0.1'",
+        "s.yaml:5:10: learn.alpha: column 5: 'k' does not fit here; one of + - * / ** belongs here",
         "s.yaml:6:3: learn.gama: unknown key; did you mean 'gamma'?",
         "s.yaml:7:10: learn.gamma: must be less than 1, got 1.5",
         "s.yaml:8:12: learn.epsilon: must be finite, got inf",
         "s.yaml:9:3: learn.seed: unknown key; it belongs to the top level, without indentation",
         "s.yaml:10:14: learn.max_steps: must be a whole number, got 2.5",
-        "s.yaml:11:14: learn.algorithm: must be 'q-learning' or 'hql', got 'sarsa'",
+        "s.yaml:11:14: learn.algorithm: no algorithm is called 'sarza'; did you mean 'sarsa'?",
         "s.yaml:12:9: motion: must hold keys (directions, slip), got 8; leave it out for the defaults",
         "s.yaml:13:1: alpha: unknown key; it belongs into 'learn', as learn.alpha",
         "s.yaml:14:12: names.a: must not be empty",
@@ -127,11 +128,20 @@ def test_all_errors_at_once_in_the_order_of_the_file(write: Any) -> None:
         ("goal: [.inf, 2]\nmap: x\n", "s.yaml:1:7: goal: a point needs two finite numbers, got inf, 2.0"),
         ("map: x\ngoal: y\ngoal: z\n", "s.yaml:3:1: 'goal' was given before, at 2:1; keep one of the two"),
         (LEAST + "seed: 9223372036854775808\n", "seed: must be less than 2**63, got 9223372036854775808"),
-        (LEAST + f"learn: {{alpha: 1{'0' * 390}}}\n", "learn.alpha: must be a number, got 1000"),
+        (
+            LEAST + f"learn: {{alpha: 1{'0' * 390}}}\n",
+            "learn.alpha: must be a number above 0 and at most 1, or a formula in k, got 1000",
+        ),
         (LEAST + "motion: {directions: true}\n", "motion.directions: must be 4 or 8, got true"),
         (LEAST + "motion: {slip: 1}\n", "motion.slip: must be less than 1, got 1"),
-        (LEAST + "learn: {alpha: 0}\n", "learn.alpha: must be greater than 0, got 0"),
-        (LEAST + "learn: {alpha: 1.1}\n", "learn.alpha: must be at most 1, got 1.1"),
+        (
+            LEAST + "learn: {alpha: 0}\n",
+            "learn.alpha: must be a number above 0 and at most 1, or a formula in k, got 0",
+        ),
+        (
+            LEAST + "learn: {alpha: 1.1}\n",
+            "learn.alpha: must be a number above 0 and at most 1, or a formula in k, got 1.1",
+        ),
         (LEAST + "learn: {eta_power: 1}\n", "learn.eta_power: must be greater than 1, got 1"),
         (LEAST + "names: [a]\n", "names: must be a mapping 'name: ...', got ['a']; leave it out for none"),
         (LEAST + f"names: {{a: {'b' * 101}}}\n", "names.a: must have at most 100 characters, got 101"),
@@ -206,8 +216,14 @@ def test_settings_from_the_command_line() -> None:
         (["alpha=1"], "--set alpha: unknown key; it belongs into 'learn', as learn.alpha"),
         (["learn.goal=1"], "--set learn.goal: unknown key; it belongs into 'reward', as reward.goal"),
         (["learn.gamma=1.5"], "--set learn.gamma: must be less than 1, got 1.5"),
-        (["learn.alpha='1'"], "--set learn.alpha: must be a number, got '1'"),
-        (["learn.alpha.x=1"], "--set learn.alpha.x: learn.alpha: must be a number, got a mapping of 1 keys"),
+        (
+            ["learn.alpha='k'"],
+            "--set learn.alpha: must be above 0 and at most 1, but k is 0 at k = 0 (k counts from 0)",
+        ),
+        (
+            ["learn.alpha.x=1"],
+            "--set learn.alpha.x: learn.alpha: must be a number above 0 and at most 1, or a formula in k, got a mapping of 1 keys",
+        ),
         (["learn"], "--set learn: expected KEY=VALUE, for example learn.alpha=0.1"),
         (["=3"], "--set =3: expected KEY=VALUE, for example learn.alpha=0.1"),
         (["goal="], "--set goal: must be a name, [row, column] in whole numbers"),
@@ -279,7 +295,7 @@ SCENARIOS = st.builds(
     segment=st.builds(SegmentSettings, min_area_m2=st.none() | POSITIVE),
     learn=st.builds(
         LearnSettings,
-        algorithm=st.sampled_from(["q-learning", "hql"]),
+        algorithm=st.sampled_from(sorted(RULES)),
         episodes=st.integers(1, 10_000_000),
         gamma=SHARES,
         alpha=st.floats(0, 1, exclude_min=True),
@@ -335,7 +351,7 @@ def test_a_dump_is_readable() -> None:
     text = dump_scenario(Scenario(map="office.yaml", goal=PlaceName("room C"), names={"room A": "no"}))
     assert "\ngoal: room C  # a place" in text
     assert '\n  room A: "no"\n' in text
-    assert "\n  alpha: 0.1  # learning rate\n" in text
+    assert "\n  alpha: 0.1  # learning rate: a number up to 1, or a formula" in text
     assert "made_with" not in text
     assert max(len(line) for line in text.split("\n")) <= 100
 

@@ -16,6 +16,8 @@ Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change any setting of the scenario, as learn.alpha=0.05."),
 ]
-Algorithm = Annotated[str | None, typer.Option("--algorithm", help="The learner: q-learning or hql.")]
+Algorithm = Annotated[
+    str | None, typer.Option("--algorithm", help="The learner, as hql, hql-replay or q-lambda; the README lists all.")
+]
 Episodes = Annotated[int | None, typer.Option("--episodes", help="How many episodes to learn.")]
 Seed = Annotated[int | None, typer.Option("--seed", help="Seed of the random stream.")]

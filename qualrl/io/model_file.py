@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.errors import MapError, QualrlError
+from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP, hybrid_mdp
 from qualrl.models.levels import Grouping
 from qualrl.models.tabular_mdp import TabularMDP
@@ -88,6 +89,8 @@ def _pack(model: HybridMDP) -> tuple[dict[str, Any], Arrays]:
     about, arrays = _pack_map(model) if model.regions is not None else _pack_table(model)
     if model.coarser:  # left out where there are none: older files and fingerprints stay valid
         about["coarser"] = [[list(grouping.names), list(grouping.of)] for grouping in model.coarser]
+    if isinstance(model.world, GridWorld) and model.world.closed:
+        about["world"]["closed"] = [[list(here), list(there)] for here, there in model.world.closed]
     return about, arrays
 
 
@@ -152,7 +155,8 @@ def _unpack_map(about: dict[str, Any], arrays: Arrays) -> HybridMDP:
         directions=world["directions"], step_reward=world["step_reward"], goal_reward=world["goal_reward"],
         start=None if about["start"] is None else PlaceCell(*np.argwhere(grid.free)[about["start"]].tolist()),
     )  # fmt: skip
-    return model
+    closed = tuple(((int(a), int(b)), (int(c), int(d))) for (a, b), (c, d) in world.get("closed", []))
+    return replace(model, world=replace(model.grid, closed=closed)) if closed else model
 
 
 def _split(cells: NDArray[Any], ends: NDArray[Any]) -> list[NDArray[Any]]:

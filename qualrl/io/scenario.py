@@ -1,7 +1,7 @@
 """Scenarios: one YAML file that says which map, from where to where, and how to learn.
 
 Every setting but ``map`` and ``goal`` has a default, so a scenario is complete once those two are there.
-Suffixes are units: ``_m`` metres, ``_m2`` square metres; gamma, alpha, epsilon, eta are the paper's letters.
+Suffixes are units: ``_m`` metres, ``_m2`` square metres.
 """
 
 import os
@@ -14,7 +14,6 @@ from pydantic import (
     AfterValidator,
     BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     PlainSerializer,
     PlainValidator,
@@ -26,17 +25,12 @@ from pydantic import (
 from qualrl.errors import PlaceError, QualrlError, ScenarioError, UnknownNameError, shown
 from qualrl.io.positioned_yaml import KeyPath, PositionedYaml, parse_yaml, read_scalar, read_yaml
 from qualrl.io.scenario_errors import dotted, explained
-from qualrl.learning.settings import MOST_EPISODES
+from qualrl.io.scenario_learn import LearnSettings, Strict, whole
 from qualrl.spatial.place import MOST_CHARACTERS, Place, PlaceCell, PlaceMetres, PlaceName, read_place
 
 if TYPE_CHECKING:  # what builds models is heavy, and loads when a model is built
     from qualrl.models.hybrid_mdp import HybridMDP
     from qualrl.spatial.region_map import RegionMap
-
-
-def _whole(value: object) -> object:
-    """1e5 is a whole number too, as in JSON Schema."""
-    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _place(value: object) -> Place:
@@ -67,36 +61,29 @@ PLACE_SCHEMA = {
         {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
     ]
 }
-Seed = Annotated[int, Field(ge=0, lt=2**63), BeforeValidator(_whole)]
-Count = Annotated[int, Field(ge=1, lt=2**63), BeforeValidator(_whole)]
+Seed = Annotated[int, Field(ge=0, lt=2**63), BeforeValidator(whole)]
 PlaceField = Annotated[Place, PlainValidator(_place), PlainSerializer(_plain_place), WithJsonSchema(PLACE_SCHEMA)]
 OldName = Annotated[str, Field(min_length=1, max_length=MOST_CHARACTERS)]
 Name = Annotated[str, Field(min_length=1, max_length=MOST_CHARACTERS), AfterValidator(_name)]
 
 
-class _Strict(BaseModel):
-    """Unknown keys are errors, text is no number, true is no number, and nothing changes afterwards."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
-
-
-class MotionSettings(_Strict):
+class MotionSettings(Strict):
     """How the robot moves from cell to cell."""
 
-    directions: Annotated[Literal[4, 8], BeforeValidator(_whole)] = Field(
+    directions: Annotated[Literal[4, 8], BeforeValidator(whole)] = Field(
         default=4, description="4, or 8 to allow diagonal moves"
     )
     slip: float = Field(default=0.0, ge=0, lt=1, description="probability that a move goes astray")
 
 
-class RewardSettings(_Strict):
+class RewardSettings(Strict):
     """What the robot is paid."""
 
     step: float = Field(default=-1.0, lt=0, description="for every step, below 0")
     goal: float = Field(default=100.0, description="once, for reaching the goal")
 
 
-class SegmentSettings(_Strict):
+class SegmentSettings(Strict):
     """How the map is cut into regions."""
 
     min_area_m2: float | None = Field(
@@ -104,30 +91,14 @@ class SegmentSettings(_Strict):
     )
 
 
-class LearnSettings(_Strict):
-    """How the robot learns."""
-
-    algorithm: Literal["q-learning", "hql"] = Field(default="hql", description="q-learning, or hql (hierarchical)")
-    episodes: Count = Field(default=2000, le=MOST_EPISODES, description="number of episodes")
-    gamma: float = Field(default=0.99, ge=0, lt=1, description="discount of a step, below 1")
-    alpha: float = Field(default=0.1, gt=0, le=1, description="learning rate")
-    epsilon: float = Field(default=0.1, ge=0, le=1, description="probability of an exploring move")
-    max_steps: Count | None = Field(default=None, description="most steps in an episode; null = no limit set here")
-    eta0: float = Field(default=0.1, ge=0, lt=1, description="first weight of the qualitative level")
-    eta_power: float = Field(default=1.2, gt=1, description="how fast that weight fades (the paper's m), above 1")
-    eta_counter: Literal["run", "pair", "episode"] = Field(
-        default="run", description="what it fades with: run, pair or episode"
-    )
-
-
-class MadeWith(_Strict):
+class MadeWith(Strict):
     """What a result was made with; written into copies of the scenario beside results."""
 
     qualrl: str | None = Field(default=None, description="version of qualrl")
     map_sha256: str | None = Field(default=None, description="SHA-256 of the map image's bytes")
 
 
-class Scenario(_Strict):
+class Scenario(Strict):
     """A checked scenario. Two are equal when their settings are, wherever they were read from."""
 
     map: str = Field(min_length=1, description="ROS map YAML, image or MovingAI .map, relative to this file")

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from qualrl.io.scenario import LearnSettings, Scenario
+from qualrl.io.scenario import Scenario
+from qualrl.io.scenario_learn import LearnSettings
 from qualrl.kernels.grid import breadth_first
 from qualrl.models.grid_world import GridWorld
 from qualrl.spatial.occupancy_grid import Cell

@@ -19,7 +19,10 @@ def write_run(run: LearningRun, file: Path) -> None:
         "settings": vars(run.settings),
         "model": fingerprint(run.model),
     }  # fmt: skip
-    write_arrays(file, about, {name: getattr(run, name) for name in ARRAYS})
+    arrays = {name: getattr(run, name) for name in ARRAYS}
+    if run.shifted_q is not None:
+        arrays["shifted_q"] = run.shifted_q
+    write_arrays(file, about, arrays)
 
 
 def read_run(file: Path, model: HybridMDP) -> LearningRun:
@@ -29,9 +32,10 @@ def read_run(file: Path, model: HybridMDP) -> LearningRun:
         run = LearningRun(
             model=model, algorithm=about["algorithm"], seed=about["seed"], seconds=about["seconds"],
             settings=LearnSettings(**about["settings"]), **{name: arrays[name] for name in ARRAYS},
+            shifted_q=arrays.get("shifted_q"),
         )  # fmt: skip
     except (KeyError, TypeError, QualrlError) as error:
         raise MapError(f"{file}: not a whole training file ({type(error).__name__}: {error})") from None
-    if about["model"] != fingerprint(model) or run.q.shape != (len(model), model.world.n_actions):
+    if about["model"] != fingerprint(model) or run.q.shape != (len(model), model.world.n_actions if run.chooses else 1):
         raise MapError(f"{file}: holds values of another model; learn again")
     return run

@@ -4,9 +4,10 @@ import numpy as np
 
 from qualrl.kernels import stepping
 from qualrl.kernels import traces as kernel
-from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world, visits_of
+from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world, rewire, visits_of
 from qualrl.learning.rules import LearningRule
 from qualrl.learning.settings import LearnSettings
+from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 
 
@@ -35,6 +36,10 @@ class AheadLearner:
             self._q, self.progress, n_steps,
         )  # fmt: skip
         return made
+
+    def change_world(self, world: GridWorld) -> None:
+        """See Adaptive."""
+        rewire(self._world, world)
 
     def learned(self) -> Learned:
         """See Learner.  Rows on the trace get what they are still owed."""

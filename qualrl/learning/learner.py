@@ -4,7 +4,7 @@ S states, A actions, E arcs between landmarks.
 """
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ class Learned:
 
     q: NDArray[np.float64]
     """(S, A) values of the actions, by which the greedy policy chooses; terminal rows stay 0."""
+    shifted_q: NDArray[np.float64] | None = None
+    """(S, A) q plus the shift of ``solving.exact``, from learners that keep digits where q has none left."""
     arc_q: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     """(E,) values of the arcs between landmarks; empty for learners without that level."""
     arc_visits: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
@@ -33,9 +35,8 @@ class Learned:
 class Learner(Protocol):
     """A learner on its way.  Advancing in slices of any size gives the same result."""
 
-    @property
-    def progress(self) -> stepping.Progress:
-        """Where it stands; its arrays are updated in place."""
+    progress: stepping.Progress
+    """Where it stands; its arrays are updated in place.  It stops at the end of ``progress.steps``."""
 
     def advance(self, n_steps: int) -> int:
         """Make up to n_steps steps; fewer only when all episodes are done.  Returns how many."""
@@ -44,17 +45,40 @@ class Learner(Protocol):
         """What it knows by now; arrays of its own, that later steps do not change."""
 
 
+@runtime_checkable
+class Adaptive(Learner, Protocol):
+    """A learner under whom the world may change."""
+
+    def change_world(self, world: GridWorld) -> None:
+        """Go on in a world with other doors closed; the learner is not told, and has to find out."""
+
+
 KernelWorld = tuple[stepping.Grid | None, float | None, stepping.Table | None]
 
 
 def kernel_world(model: HybridMDP) -> KernelWorld:
-    """What the compiled loops need of a world: (grid, slip, None) or (None, None, table)."""
+    """What the compiled loops need of a world: (grid, slip, None) or (None, None, table).
+
+    The grid's successors are a copy of its own, for ``rewire`` to change.
+    """
     world = model.world
     if isinstance(world, GridWorld):
-        grid = stepping.Grid(world.successor.ravel(), world.move_reward, world.goal, float(world.goal_reward))
+        grid = stepping.Grid(world.successor.flatten(), world.move_reward, world.goal, float(world.goal_reward))
         return grid, world.slip or None, None
     table = stepping.Table(world.row_start, world.target, world.cumulative, world.reward, world.terminal)
     return None, None, table
+
+
+def rewire(kernels: KernelWorld, world: GridWorld) -> None:
+    """Let moves lead where they do in another world of the same states."""
+    grid = kernels[0]
+    assert grid is not None
+    grid.successor[:] = world.successor.ravel()
+
+
+def until(progress: stepping.Progress, episode: int) -> stepping.Progress:
+    """The same progress, at whose end a learner stops after so many episodes."""
+    return progress._replace(steps=progress.steps[:episode], returns=progress.returns[:episode])
 
 
 def visits_of(alpha: float | str, rows: int) -> tuple[stepping.Visits | None, float]:

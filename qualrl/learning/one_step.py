@@ -5,12 +5,13 @@ from numpy.typing import NDArray
 
 from qualrl.kernels import learning as kernel
 from qualrl.kernels import stepping
-from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world, visits_of
+from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world, rewire, visits_of
+from qualrl.learning.policy import policy_actions
 from qualrl.learning.rules import LearningRule
 from qualrl.learning.schedule import schedule_of
 from qualrl.learning.settings import ETA_COUNTERS, LearnSettings
+from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
-from qualrl.solving.exact import action_values, exact_values
 
 
 class OneStepLearner:
@@ -36,22 +37,16 @@ class OneStepLearner:
         )  # fmt: skip
         return made
 
+    def change_world(self, world: GridWorld) -> None:
+        """See Adaptive."""
+        rewire(self._world, world)
+
     def learned(self) -> Learned:
         """See Learner."""
         q = self._q.reshape(len(self.model), -1).copy()
         if self._upper is None:
             return Learned(q)
-        return Learned(q, self._upper.arc_q.copy(), self._upper.arc_visits.copy())
-
-
-def policy_actions(model: HybridMDP, policy: str) -> NDArray[np.int8]:
-    """(S,) action of each state of a policy by name; -1 for any of them at random."""
-    actions = np.full(len(model), -1, np.int8)
-    if policy == "optimal":
-        exact = exact_values(model.world)
-        for state in np.flatnonzero(model.can_reach):
-            actions[state] = np.argmax(action_values(model.world, exact.shifted, exact.shift, int(state)))
-    return actions
+        return Learned(q, None, self._upper.arc_q.copy(), self._upper.arc_visits.copy())
 
 
 def _upper(model: HybridMDP, settings: LearnSettings) -> kernel.Upper:

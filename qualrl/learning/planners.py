@@ -68,9 +68,10 @@ class PlanningLearner:
 
     def learned(self) -> Learned:
         """See Learner."""
-        q = self._q.reshape(len(self.model), -1) - self._shift
+        shifted = self._q.reshape(len(self.model), -1).copy()
+        q = shifted - self._shift
         q[_terminal(self.model)] = 0.0
-        return Learned(q)
+        return Learned(q, shifted if self._levels is not None else None)
 
 
 def experience(model: HybridMDP, world: KernelWorld, shift: float) -> Experience:

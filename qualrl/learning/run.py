@@ -9,10 +9,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.learning.policy import policy_actions
+from qualrl.learning.rules import rule_named
 from qualrl.learning.settings import LearnSettings
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.solving.exact import ExactValues, action_values, exact_values
 from qualrl.solving.policy import ActionValues, greedy_walk
+from qualrl.solving.policy_values import policy_values
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +31,17 @@ class LearningRun:
     returns: NDArray[np.float64]
     """(episodes,) undiscounted sum of rewards of each episode."""
     q: NDArray[np.float64]
-    """(S, A) learned action values; terminal rows stay 0."""
+    """(S, A) learned action values, -inf where a learner never takes an action; terminal rows stay 0.
+
+    (S, 1) for a learner that evaluates a policy: the values of the states.
+    """
     arc_q: NDArray[np.float64]
     """(E,) learned values of the arcs between landmarks; empty for learners without that level."""
     arc_visits: NDArray[np.int64]
     """(E,) how often each arc was travelled."""
     seconds: float
+    shifted_q: NDArray[np.float64] | None = None
+    """(S, A) the same plus ``exact.shift``, from learners that keep digits where q has none left; else None."""
 
     @property
     def total_steps(self) -> int:
@@ -45,10 +53,23 @@ class LearningRun:
         """Exact optimal values of the model."""
         return exact_values(self.model.world)
 
-    @property
+    @cached_property
     def exact_values(self) -> NDArray[np.float64]:
-        """(S,) optimal values by dynamic programming."""
+        """(S,) optimal values by dynamic programming; those of the policy for a learner that evaluates one."""
+        if not self.chooses:
+            policy = policy_actions(self.model, self.settings.policy)
+            return policy_values(self.model.world, policy, self.settings.epsilon)
         return self.exact.value
+
+    @property
+    def chooses(self) -> bool:
+        """Whether the learner learns what to do, and not only what a policy is worth."""
+        return not rule_named(self.algorithm).evaluates
+
+    def action_values(self, state: int) -> NDArray[np.float64]:
+        """(A,) learned values of a state's actions, shifted if the learner kept them so."""
+        values: NDArray[np.float64] = (self.q if self.shifted_q is None else self.shifted_q)[state]
+        return values
 
     @cached_property
     def max_error(self) -> float:
@@ -59,7 +80,7 @@ class LearningRun:
     @cached_property
     def greedy_steps(self) -> int | None:
         """Steps from start to goal by the learned policy; None if it does not get there, or without a fixed start."""
-        return self._walked(lambda state: self.q[state])
+        return self._walked(self.action_values) if self.chooses else None
 
     @cached_property
     def optimal_steps(self) -> int | None:

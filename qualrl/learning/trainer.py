@@ -75,7 +75,7 @@ def train(
     learned = learner.learned()
     return LearningRun(
         model, algorithm, seed, settings, progress.steps, progress.returns, learned.q, learned.arc_q,
-        learned.arc_visits, time.perf_counter() - begun,
+        learned.arc_visits, time.perf_counter() - begun, learned.shifted_q,
     )  # fmt: skip
 
 

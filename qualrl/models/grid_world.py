@@ -22,6 +22,8 @@ MOVES: dict[int, tuple[tuple[str, int, int], ...]] = {
 }
 MOVES[8] = MOVES[4] + (("up-left", -1, -1), ("up-right", -1, 1), ("down-left", 1, -1), ("down-right", 1, 1))
 LARGEST_VALUE = 1e100
+Wall = tuple[Cell, Cell]
+"""Two cells side by side that no move leads between, in either direction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,8 @@ class GridWorld:
     """4, or 8: diagonal moves, which never cut a corner."""
     step_reward: float = -1.0
     goal_reward: float = 100.0
+    closed: tuple[Wall, ...] = ()
+    """Steps that a closed door blocks, as a wall would; a diagonal move is blocked where a way round it is."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.gamma < 1:
@@ -95,7 +99,26 @@ class GridWorld:
         """(S, A) where each move leads; a blocked move leads back to s."""
         offsets = np.array([(dr, dc) for _, dr, dc in MOVES[self.directions]], np.int32)
         found: NDArray[np.uint32] = kernel.successors(self.state_of, self.cells, offsets)
+        for wall in self.closed:
+            self._shut(found, wall)
         return found
+
+    def _shut(self, successor: NDArray[np.uint32], wall: Wall) -> None:
+        """Block the step between two cells, and the diagonal moves past either end of the wall between them."""
+        moves = {(down, right): a for a, (_, down, right) in enumerate(MOVES[self.directions])}
+        (row, column), (to_row, to_column) = wall
+        along = to_column - column, to_row - row
+        for side in (-1, 0, 1):
+            down, right = side * along[0], side * along[1]
+            for ends in (
+                ((row, column), (to_row + down, to_column + right)),
+                ((row + down, column + right), (to_row, to_column)),
+            ):
+                for start, end in (ends, ends[::-1]):
+                    move = moves.get((end[0] - start[0], end[1] - start[1]))
+                    if move is not None and 0 <= start[0] < self.free.shape[0] and 0 <= start[1] < self.free.shape[1]:
+                        if (state := self.state_of[start]) >= 0:
+                            successor[state, move] = state
 
     @cached_property
     def move_length(self) -> NDArray[np.float64]:

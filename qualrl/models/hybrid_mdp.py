@@ -4,7 +4,7 @@ S states, A actions of the lower level (HS = QS + S, HA = QA + A in the paper's 
 states QS are the nodes of ``graph``, the qualitative actions QA its edges.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -20,7 +20,7 @@ from qualrl.models.landmarks import LandmarkLevel, landmark_level
 from qualrl.models.levels import Grouping, QualitativeLevel, coarser_level, groupings
 from qualrl.models.semi_mdp import SemiMDP
 from qualrl.models.tabular_mdp import TabularMDP
-from qualrl.qualitative.graph import Graph, graph_of_mapping, graph_of_regions
+from qualrl.qualitative.graph import Graph, crossings_of, graph_of_mapping, graph_of_regions
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.place import Place, resolve_cell
 from qualrl.spatial.region_map import RegionMap
@@ -152,6 +152,25 @@ class HybridMDP:
         names = tuple(dict.fromkeys(groups[name] for name in parts))
         grouping = Grouping(names, tuple(names.index(groups[name]) for name in parts))
         return replace(self, coarser=(*self.coarser, grouping))
+
+    def with_closed(self, doors: Iterable[str]) -> "HybridMDP":
+        """The same model with doorways closed, by name: no move leads through, but every state stays as numbered.
+
+        On its map and graph these doorways are walls; the landmarks there stay.
+        Raises UnknownNameError.
+        """
+        if self.regions is None:
+            raise SettingError("this model was built without a map: it has no doors to close")
+        known = {door.name: door for door in self.regions.doorways}
+        closed = []
+        for name in dict.fromkeys(doors):
+            if name not in known:
+                raise UnknownNameError(f"no doorway is called {name!r}; {did_you_mean(name, known)}")
+            closed.append(known.pop(name))
+        walls = [wall for door in closed for wall in crossings_of(self.regions, door)]
+        regions = replace(self.regions, doorways=tuple(known.values()))
+        world = replace(self.grid, closed=(*self.grid.closed, *walls))
+        return replace(self, world=world, regions=regions, graph=graph_of_regions(regions))
 
     def region_index(self, name: str) -> int:
         """Index of a qualitative state; UnknownNameError when there is none of that name."""

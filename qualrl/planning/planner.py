@@ -57,6 +57,9 @@ def plan_from_run(run: LearningRun, start: int, names: tuple[str, str]) -> Plan:
     """The plan that the learned values give; where they do not lead to the goal, the exact one, and it says so."""
     model = run.model
     model.check_reachable(start)
+    if not run.chooses:
+        note = f"Note: {run.algorithm} learns what a policy is worth, not what to do, so this plan is the exact one."
+        return plan_exactly(model, start, names, exact=run.exact, notes=[note])
     values = learned_plan_values(run)
     walk, arrived = greedy_walk(model.world, values.actions, start)
     if arrived:

@@ -43,9 +43,10 @@ def exact_plan_values(model: HybridMDP, solved: ExactValues) -> PlanValues:
 def learned_plan_values(run: LearningRun) -> PlanValues:
     """Values as a learner left them."""
     shift = run.exact.shift
+    shifted = run.q + shift if run.shifted_q is None else run.shifted_q
 
     def actions(state: int) -> NDArray[np.float64]:
-        learned: NDArray[np.float64] = run.q[state] + shift
+        learned: NDArray[np.float64] = shifted[state]
         return learned
 
-    return PlanValues(run.algorithm, run.q.max(axis=1) + shift, shift, actions)
+    return PlanValues(run.algorithm, shifted.max(axis=1), shift, actions)
