@@ -74,7 +74,7 @@ def build(
 
 def train(
     model: HybridMDP,
-    algorithm: str = "hql",
+    algorithm: str = "hql-replay",
     *,
     seed: int = 0,
     watch: Callable[[Milestone], None] | None = None,

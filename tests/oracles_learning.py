@@ -5,6 +5,7 @@ outcome, and whatever is replayed.  step(state, action, draws) -> (next state, r
 alpha is a function of k, the number of earlier updates of the same state and action.
 """
 
+import math
 from collections import defaultdict
 
 import numpy as np
@@ -52,21 +53,24 @@ def temporal_differences(
 
 
 def with_traces(
-    step, terminal, starts, n_states, n_actions, *, watkins, trace, gamma, alpha, epsilon, episodes, seed, max_steps
-):
+    step, terminal, starts, n_states, n_actions, *, watkins, trace, gamma, alpha, epsilon, episodes, seed, max_steps,
+    q0=None, most=math.inf,
+):  # fmt: skip
     """SARSA(lambda) and Watkins's Q(lambda) with replacing traces (Sutton and Barto 1998, figures 7.11 and 7.14).
 
     All traces are kept in a dictionary and all of them are updated at every step; a row keeps the alpha of its visit.
-    trace = 0 gives SARSA.  Returns (q, steps, returns).
+    trace = 0 gives SARSA.  Values start at q0, or at 0; the run breaks off after ``most`` steps.  Returns (q, steps, returns).
     """
     draws, updates = xoshiro(seed), defaultdict(int)
-    q = [[0.0] * n_actions for _ in range(n_states)]
+    q = [[0.0] * n_actions for _ in range(n_states)] if q0 is None else [list(values) for values in q0]
     all_steps, all_returns = [], []
     for _ in range(episodes):
         s, t, total, over = start_of(starts, draws), 0, 0.0, False
         eligible = {}
         a = epsilon_greedy(q[s], epsilon, draws)
         while not over and t < max_steps:
+            if sum(all_steps) + t >= most:
+                return q, all_steps, all_returns
             rate = alpha(updates[s, a])
             updates[s, a] += 1
             s2, reward, _ = step(s, a, draws)

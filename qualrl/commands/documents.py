@@ -71,6 +71,7 @@ def learn_document(run: LearningRun) -> dict[str, Any]:
         "greedy_steps": run.greedy_steps,
         "max_error": run.max_error,
         "seconds": run.seconds,
+        "changes": [vars(recovery) for recovery in run.recovery],
     }
 
 

@@ -9,6 +9,7 @@ import typer
 from qualrl import __version__
 from qualrl.commands.convert import convert
 from qualrl.commands.learn import learn
+from qualrl.commands.learners import learners
 from qualrl.commands.plan import plan
 from qualrl.commands.prove import prove
 from qualrl.commands.reproduce import reproduce
@@ -40,7 +41,7 @@ def qualrl(
     """Hold the options that stand before a subcommand."""
 
 
-for command in (run, show, convert, learn, plan, schema, reproduce):
+for command in (run, show, convert, learn, plan, learners, schema, reproduce):
     app.command()(command)
 app.add_typer(prove, name="prove")
 

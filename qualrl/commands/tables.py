@@ -1,5 +1,6 @@
 """Results for people: tables and text on stdout."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -85,8 +86,16 @@ def print_learning(run: LearningRun) -> None:
         lines.append(f"learned policy: {learned}; optimum: {run.optimal_steps} steps")
         learned_value, exact = run.q[run.model.start].max(), run.exact_values[run.model.start]
         lines.append(f"value of the start: {learned_value:.6g} learned, {exact:.6g} exact")
-    lines.append(f"largest error of any state's value (states hardly visited stay near 0): {run.max_error:.4g}")
+    lines.append(f"largest error of any state's value, those hardly visited included: {run.max_error:.4g}")
     Console(highlight=False).print("\n".join(lines), markup=False, soft_wrap=True)
+
+
+def print_learners(rows: Sequence[Mapping[str, str]]) -> None:
+    """The learners, one a row."""
+    table = Table("learner", "what it is", "its values converge to", "source", show_lines=True)
+    for row in rows:
+        table.add_row(row["name"], row["title"], row["limit"], row["source"])
+    Console(highlight=False).print(table)
 
 
 def print_plan(plan: Plan) -> None:

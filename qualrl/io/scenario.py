@@ -26,9 +26,11 @@ from qualrl.errors import PlaceError, QualrlError, ScenarioError, UnknownNameErr
 from qualrl.io.positioned_yaml import KeyPath, PositionedYaml, parse_yaml, read_scalar, read_yaml
 from qualrl.io.scenario_errors import dotted, explained
 from qualrl.io.scenario_learn import LearnSettings, Strict, whole
+from qualrl.io.scenario_world import ChangeSetting, OnlineSettings, changes_of
 from qualrl.spatial.place import MOST_CHARACTERS, Place, PlaceCell, PlaceMetres, PlaceName, read_place
 
 if TYPE_CHECKING:  # what builds models is heavy, and loads when a model is built
+    from qualrl.learning.changes import Change
     from qualrl.models.hybrid_mdp import HybridMDP
     from qualrl.spatial.region_map import RegionMap
 
@@ -121,6 +123,12 @@ class Scenario(Strict):
     reward: RewardSettings = Field(default=RewardSettings(), description="what the robot is paid")
     segment: SegmentSettings = Field(default=SegmentSettings(), description="how the map is cut into regions")
     learn: LearnSettings = Field(default=LearnSettings(), description="how the robot learns")
+    changes: list[ChangeSetting] = Field(
+        default=[], description="doorways that close or open, as {after: EPISODES, close: DOORWAY}"
+    )
+    online: OnlineSettings | None = Field(
+        default=None, description="for a robot that does not know the map; null = it does"
+    )
     made_with: MadeWith | None = Field(default=None, description="what a result was made with")
 
     _path: Path | None = PrivateAttr(None)
@@ -169,7 +177,7 @@ class Scenario(Strict):
             except (PlaceError, UnknownNameError) as problem:
                 where = f"{self.path}: " if self.path else ""
                 raise type(problem)(f"{where}{key}: {problem}") from None
-        return hybrid_mdp(
+        model = hybrid_mdp(
             found,
             self.goal,
             start=self.start,
@@ -179,6 +187,22 @@ class Scenario(Strict):
             step_reward=self.reward.step,
             goal_reward=self.reward.goal,
         )
+        self._check_changes(model)
+        return model
+
+    def door_changes(self) -> "tuple[Change, ...]":
+        """The changes of the world, as ``qualrl.train`` takes them."""
+        return changes_of(self.changes)
+
+    def _check_changes(self, model: "HybridMDP") -> None:
+        if self.changes:
+            from qualrl.learning.changes import world_changes
+
+            try:
+                world_changes(model, self.door_changes(), self.learn.episodes)
+            except QualrlError as problem:
+                where = f"{self.path}: " if self.path else ""
+                raise type(problem)(f"{where}{problem}") from None
 
     def with_settings(self, settings: Sequence[str]) -> Self:
         """The same scenario with some settings changed, each "KEY=VALUE" with a dotted key and YAML value.
@@ -302,6 +326,8 @@ def _written(value: object) -> str:
         return value if plain else '"' + "".join(map(_escaped, value)) + '"'
     if isinstance(value, list):
         return f"[{', '.join(map(_written, value))}]"
+    if isinstance(value, dict) and value:
+        return f"{{{', '.join(f'{_written(key)}: {_written(of)}' for key, of in value.items() if of is not None)}}}"
     return repr(value)  # whole numbers, floats, and {}
 
 

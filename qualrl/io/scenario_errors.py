@@ -36,6 +36,7 @@ WORDS: dict[str, Callable[[Any, dict[str, Any]], str]] = {
     "string_too_short": lambda value, limits: "must not be empty",
     "string_too_long": lambda value, limits: f"must have at most {limits['max_length']} characters, got {len(value)}",
     "literal_error": lambda value, limits: f"must be {limits['expected']}, got {shown(value)}",
+    "list_type": lambda value, limits: f"must be a list '[...]', got {shown(value)}; leave it out for none",
     "dict_type": lambda value, limits: f"must be a mapping 'name: ...', got {shown(value)}; leave it out for none",
     "value_error": lambda value, limits: str(limits["error"]),
 }
@@ -49,7 +50,7 @@ def explained(error: ValidationError, model: type[BaseModel]) -> list[Problem]:
 
 def _problem(kind: str, path: KeyPath, details: Any, model: type[BaseModel]) -> Problem:
     value = details["input"]
-    of_key = path[-1:] == ("[key]",)
+    of_key = path[-1:] == ("[key]",) and kind != "extra_forbidden"
     if of_key:  # pydantic's way to say that not the value but the key is wrong
         path = path[:-1]
     if kind == "missing":
@@ -79,8 +80,10 @@ def _meant(path: KeyPath, model: type[BaseModel]) -> str:
 def _section(path: KeyPath, model: type[BaseModel]) -> type[BaseModel]:
     """The model that holds the keys under ``path``; an empty one under a plain setting."""
     for key in path:
+        if isinstance(key, int):  # of a list; what it holds is what came before
+            continue
         annotation: Any = model.model_fields[str(key)].annotation
-        kinds = [kind for kind in (annotation, *get_args(annotation)) if isinstance(kind, type)]
+        kinds = [kind for kind in (*get_args(annotation), annotation) if isinstance(kind, type)]
         model = next((kind for kind in kinds if issubclass(kind, BaseModel)), BaseModel)
     return model
 

@@ -53,7 +53,7 @@ Algorithm = Annotated[str, AfterValidator(_algorithm), WithJsonSchema({"enum": l
 class LearnSettings(Strict):
     """How the robot learns."""
 
-    algorithm: Algorithm = Field(default="hql", description="q-learning, hql, hql-replay, q-lambda and others")
+    algorithm: Algorithm = Field(default="hql-replay", description="q-learning, hql, hql-replay, q-lambda and others")
     episodes: Count = Field(default=2000, le=MOST_EPISODES, description="number of episodes")
     gamma: float = Field(default=0.99, ge=0, lt=1, description="discount of a step, below 1")
     alpha: Rate = Field(default=0.1, description="learning rate: a number up to 1, or a formula in k")

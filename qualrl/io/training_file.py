@@ -31,8 +31,8 @@ def read_run(file: Path, model: HybridMDP) -> LearningRun:
     try:
         run = LearningRun(
             model=model, algorithm=about["algorithm"], seed=about["seed"], seconds=about["seconds"],
-            settings=LearnSettings(**about["settings"]), **{name: arrays[name] for name in ARRAYS},
-            shifted_q=arrays.get("shifted_q"),
+            settings=LearnSettings(**about["settings"]), steps=arrays["steps"], returns=arrays["returns"],
+            q=arrays["q"], arc_q=arrays["arc_q"], arc_visits=arrays["arc_visits"], shifted_q=arrays.get("shifted_q"),
         )  # fmt: skip
     except (KeyError, TypeError, QualrlError) as error:
         raise MapError(f"{file}: not a whole training file ({type(error).__name__}: {error})") from None

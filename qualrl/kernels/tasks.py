@@ -77,7 +77,6 @@ def find_ways(
     sources: Any,
     source_start: Any,
     landmark: Any,
-    landmark_of: Any,
     terminal: Any,
     slot_start: Any,
     kind_of: Any,

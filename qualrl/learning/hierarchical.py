@@ -21,6 +21,10 @@ Single moves are offered beside options, tasks and sub-agents when ``primitives`
 else leads on.  W-learning has none: where no sub-agent lives it moves at random.
 An episode cut off by ``max_steps`` teaches nothing about the choice it was cut off in.
 
+What maxq-q asks for: a completion is measured while what was called still explores, so its limit holds when exploring
+fades or is rare.  With a constant epsilon, values may even exceed the optimum: V(j, s) counts on the best way, and
+C(i, s, j) is an average over all the ways that were taken.  A task that may end in a bad place needs a pseudo-reward.
+
 What w-learning does not promise: each Q_i tends to the optimum of its own task, but which of them wins is a
 compromise.  In a world without slip what an agent minds is proportional to gamma to the length of the way by its
 landmark, so the shortest way tends to win; nothing keeps two agents from undoing each other's moves.
@@ -29,11 +33,12 @@ landmark, so the shortest way tends to win; nothing keeps two agents from undoin
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.errors import SettingError
 from qualrl.kernels import stepping
 from qualrl.kernels import task_graph as graph_kernel
 from qualrl.kernels import tasks as kernel
 from qualrl.learning import polling
-from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world
+from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world, visits_of
 from qualrl.learning.rules import Hierarchy, LearningRule
 from qualrl.learning.settings import LearnSettings
 from qualrl.models.hybrid_mdp import HybridMDP
@@ -58,7 +63,7 @@ class LandmarkLearner:
         self.hierarchy = rule.hierarchy
         self.progress = fresh_progress(settings.episodes, seed)
         self._world = kernel_world(model)
-        self._rates = stepping.Rates(settings.alpha, model.gamma, settings.epsilon, settings.max_steps or NO_LIMIT)
+        self._rates = _rates(model, rule, settings)
         self._actions = (0,) * model.world.n_actions
         blocks = self.hierarchy not in (Hierarchy.OPTION, Hierarchy.INTRA_OPTION)
         self.first = _first(self.ways, blocks)
@@ -93,7 +98,7 @@ class LandmarkLearner:
             polled = polling.of_winners(self.ways, self.first, self.q)
         else:
             polled = polling.of_blocks(self.ways, self.first, self.q)
-        if self.hierarchy in (Hierarchy.OPTION, Hierarchy.MACHINE):
+        if self.hierarchy in (Hierarchy.OPTION, Hierarchy.INTRA_OPTION, Hierarchy.MACHINE):
             polled = polling.keep_to_choices(polled, self.model, self._step)
         return Learned(polled)
 
@@ -121,7 +126,7 @@ class MaxqLearner:
         self.graph = model.tasks or landmark_tasks(model, settings.primitives)
         self.progress = fresh_progress(settings.episodes, seed)
         self._world = kernel_world(model)
-        self._rates = stepping.Rates(settings.alpha, model.gamma, settings.epsilon, settings.max_steps or NO_LIMIT)
+        self._rates = _rates(model, rule, settings)
         self._actions = (0,) * model.world.n_actions
         self._graph = graph_kernel.Graph(
             self.graph.first, self.graph.kind_of, self.graph.begin.ravel(), self.graph.end.ravel(),
@@ -177,7 +182,8 @@ class MaxqLearner:
 def landmark_tasks(model: HybridMDP, primitives: bool = True) -> TaskGraph:
     """The task graph of a model's landmarks; a task that fails is paid less than anything else could cost it."""
     ways, failing = LandmarkWays.of(model), 0.0
-    if (ways.position < 0).any() or (ways.steps < 0).any():  # otherwise no task can fail
+    lost = (ways.steps < 0) & ~np.repeat(ways.terminal, ways.options_of)
+    if (ways.position < 0).any() or lost.any():  # otherwise no task can fail
         failing = worst_return(model) - max(model.world.reward_bounds[1], 0.0)
     return TaskGraph.from_landmarks(ways, model.landmarks.landmark_of, failing, primitives)
 
@@ -185,6 +191,14 @@ def landmark_tasks(model: HybridMDP, primitives: bool = True) -> TaskGraph:
 def worst_return(model: HybridMDP) -> float:
     """The least that any policy may earn, discounted."""
     return min(model.world.reward_bounds[0], 0.0) / (1 - model.gamma)
+
+
+def _rates(model: HybridMDP, rule: LearningRule, settings: LearnSettings) -> stepping.Rates:
+    """Raises SettingError for a learning rate that changes."""
+    _, alpha = visits_of(settings.alpha, 0)
+    if not alpha:
+        raise SettingError(f"alpha must be a number for {rule.name}, not a formula, got {settings.alpha!r}")
+    return stepping.Rates(alpha, model.gamma, settings.epsilon, settings.max_steps or NO_LIMIT)
 
 
 def _first(ways: LandmarkWays, blocks: bool) -> NDArray[np.int64]:

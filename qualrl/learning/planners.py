@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from qualrl.kernels import planning as kernel
 from qualrl.kernels import replay, stepping
 from qualrl.kernels.experience import Experience
-from qualrl.learning.learner import NO_LIMIT, KernelWorld, Learned, fresh_progress, kernel_world, visits_of
+from qualrl.learning.learner import NO_LIMIT, KernelWorld, Learned, fresh_progress, kernel_world, rewire, visits_of
 from qualrl.learning.rules import LearningRule, Planner
 from qualrl.learning.settings import LearnSettings
 from qualrl.models.grid_world import GridWorld
@@ -45,6 +45,7 @@ class PlanningLearner:
         n_states, n_actions = len(model), model.world.n_actions
         self._shift = shift_of(model.world) if rule.planner is Planner.REGIONS else 0.0
         self._seen = experience(model, self._world, self._shift)
+        self._successors = [model.world.successor] if isinstance(model.world, GridWorld) else []
         self._q = np.zeros(n_states * n_actions)
         self._value = np.where(_terminal(model), self._shift, 0.0)
         self._dyna = self._heap = self._levels = None
@@ -66,6 +67,13 @@ class PlanningLearner:
         )  # fmt: skip
         return made
 
+    def change_world(self, world: GridWorld) -> None:
+        """See Adaptive.  What was seen stays; ``before`` is an index, which has to hold whatever may be seen."""
+        rewire(self._world, world)
+        self._successors.append(world.successor)
+        start, before = _before(self.model, [_targets(found, world.slip > 0) for found in self._successors])
+        self._seen = self._seen._replace(before_start=start, before=before)
+
     def learned(self) -> Learned:
         """See Learner."""
         shifted = self._q.reshape(len(self.model), -1).copy()
@@ -77,37 +85,40 @@ class PlanningLearner:
 def experience(model: HybridMDP, world: KernelWorld, shift: float) -> Experience:
     """Counts of nothing seen yet; rewards shifted so that values are ``shift`` larger."""
     grid, slip, table = world
-    n_states, n_actions = len(model), model.world.n_actions
+    n_rows = len(model) * model.world.n_actions
     added = shift * (1 - model.gamma)
+    several = slip is not None or table is not None
+    row_of = np.zeros(1, np.uint32)
     if table is not None:
-        targets, row_of = table.target, np.repeat(np.arange(n_states * n_actions), np.diff(table.row_start))
-        reward, goal_reward, several = table.reward + added, 0.0, True
+        row_of = np.repeat(np.arange(n_rows, dtype=np.uint32), np.diff(table.row_start))
+        targets, reward, goal_reward = table.target, table.reward + added, 0.0
     else:
         assert grid is not None
-        several = slip is not None
-        row_of = np.arange(n_states * n_actions).repeat(n_actions if several else 1)
-        targets = grid.successor
-        if several:
-            targets = np.repeat(targets.reshape(n_states, n_actions), n_actions, axis=0).ravel()
+        targets = _targets(grid.successor.reshape(len(model), -1), several)
         reward, goal_reward = grid.step_reward + added, grid.goal_reward + added
-    before_start, before = _before(targets, ~_terminal(model)[row_of // n_actions], n_states)
+    before_start, before = _before(model, [targets])
     return Experience(
-        np.zeros(n_states * n_actions, np.uint32),
-        np.zeros(len(targets) if several else 1, np.uint32),
-        reward, goal_reward, np.zeros(1, np.uint32) if grid is None else grid.successor.copy(), before_start, before,
-        row_of.astype(np.uint32) if table is not None else np.zeros(1, np.uint32),
+        np.zeros(n_rows, np.uint32), np.zeros(len(targets) if several else 1, np.uint32), reward, goal_reward,
+        np.zeros(1, np.uint32) if grid is None else grid.successor.copy(), before_start, before, row_of,
     )  # fmt: skip
 
 
-def _before(
-    targets: NDArray[np.uint32], used: NDArray[np.bool_], n_states: int
-) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
-    """Outcomes by the state they lead to, in compressed rows."""
-    outcomes = np.flatnonzero(used).astype(np.uint32)
-    order = np.argsort(targets[outcomes], kind="stable")
-    start = np.zeros(n_states + 1, np.int64)
-    np.cumsum(np.bincount(targets[outcomes], minlength=n_states), out=start[1:])
-    return start, outcomes[order]
+def _targets(successor: NDArray[np.uint32], slips: bool) -> NDArray[np.uint32]:
+    """(K,) where each outcome on a grid leads."""
+    return np.repeat(successor, successor.shape[1], axis=0).ravel() if slips else successor.ravel()
+
+
+def _before(model: HybridMDP, targets: list[NDArray[np.uint32]]) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
+    """Outcomes by the states they lead to, in compressed rows; ``targets``: one (K,) array a version of the world."""
+    size = len(targets[0])
+    world = model.world
+    source = np.arange(size) // (size // len(world)) if isinstance(world, GridWorld) else world.source
+    outcomes = np.flatnonzero(~_terminal(model)[source])
+    pairs = np.unique(np.concatenate([leads_to[outcomes].astype(np.int64) * size + outcomes for leads_to in targets]))
+    target, outcome = np.divmod(pairs, size)
+    start = np.zeros(len(model) + 1, np.int64)
+    np.cumsum(np.bincount(target, minlength=len(model)), out=start[1:])
+    return start, outcome.astype(np.uint32)
 
 
 def _terminal(model: HybridMDP) -> NDArray[np.bool_]:

@@ -84,7 +84,7 @@ HIERARCHY_ROWS = (
     ),
     LearningRule(
         "maxq-q", "MAXQ-Q", "Dietterich 2000", Loop.TASKS,
-        "the recursive optimum of the task graph" + TOP_MOVES + " (on the graph of landmarks)",
+        "the recursive optimum of the task graph, as exploring fades" + TOP_MOVES + " (on the graph of landmarks)",
         hierarchy=Hierarchy.MAXQ,
     ),
     LearningRule(

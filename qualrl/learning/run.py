@@ -5,10 +5,12 @@ S states, A actions, E arcs between landmarks.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.learning.changes import WorldChange
 from qualrl.learning.policy import policy_actions
 from qualrl.learning.rules import rule_named
 from qualrl.learning.settings import LearnSettings
@@ -16,6 +18,9 @@ from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.solving.exact import ExactValues, action_values, exact_values
 from qualrl.solving.policy import ActionValues, greedy_walk
 from qualrl.solving.policy_values import policy_values
+
+if TYPE_CHECKING:
+    from qualrl.learning.recovery import Recovery
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +47,15 @@ class LearningRun:
     seconds: float
     shifted_q: NDArray[np.float64] | None = None
     """(S, A) the same plus ``exact.shift``, from learners that keep digits where q has none left; else None."""
+    changes: tuple[WorldChange, ...] = ()
+    """What changed in the world meanwhile; ``model`` is the world at the end."""
+
+    @cached_property
+    def recovery(self) -> "tuple[Recovery, ...]":
+        """How long it took to get over each change; learns each changed world from nothing, to compare."""
+        from qualrl.learning.recovery import recovery_of
+
+        return recovery_of(self)
 
     @property
     def total_steps(self) -> int:

@@ -1,15 +1,17 @@
 """The one trainer: it starts the learner of a name, lets it run in slices, and packs up what was learned."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from qualrl.errors import SettingError
 from qualrl.kernels import stepping
 from qualrl.learning.ahead import AheadLearner
+from qualrl.learning.changes import Change, world_changes
 from qualrl.learning.hierarchical import task_learner
-from qualrl.learning.learner import Learner
+from qualrl.learning.learner import Adaptive, Learner, until
 from qualrl.learning.one_step import OneStepLearner
 from qualrl.learning.planners import PlanningLearner
 from qualrl.learning.rules import LearningRule, Loop, rule_named
@@ -50,32 +52,66 @@ def start_learner(model: HybridMDP, algorithm: str, settings: LearnSettings, see
     return LEARNERS[rule.loop](model, rule, settings, seed)
 
 
+class Runner:
+    """Lets a learner go on, in slices, and tells whoever watches."""
+
+    def __init__(self, learner: Learner, watch: Callable[[Milestone], None] | None = None) -> None:
+        self.learner = learner
+        self.total = 0
+        """Steps made so far."""
+        self._watch = watch
+        self._progress = learner.progress
+        self._slice_steps = 20_000
+
+    @property
+    def episode(self) -> int:
+        """How many episodes are over."""
+        return int(self._progress.whole[stepping.EPISODE])
+
+    def steps(self, count: int) -> None:
+        """Go on for so many steps, or to the end."""
+        self.total += self.learner.advance(count)
+        if self._watch is not None:
+            self._watch(_milestone(self._progress, self.total))
+
+    def to_episode(self, episode: int) -> None:
+        """Go on to the end of an episode, and not a step further."""
+        self.learner.progress = until(self._progress, episode)
+        while self.episode < episode:
+            at = time.perf_counter()
+            self.steps(self._slice_steps)
+            aim = self._slice_steps * SLICE_S / max(time.perf_counter() - at, 1e-6)
+            self._slice_steps = int(np.clip(aim, self._slice_steps // 4, self._slice_steps * 4)) + 1000
+        self.learner.progress = self._progress
+
+
 def train(
     model: HybridMDP,
     algorithm: str,
     settings: LearnSettings,
     seed: int = 0,
     watch: Callable[[Milestone], None] | None = None,
+    changes: Sequence[Change] = (),
 ) -> LearningRun:
     """Run a learner to the end of its episodes.  The same seed gives the same result, watched or not.
 
-    Raises UnknownNameError for an unknown algorithm, NoPlanError when the goal cannot be reached.
+    changes: doors that close and open on the way, without the learner being told; see ``learning.changes``.
+    Raises UnknownNameError for an unknown algorithm or door, NoPlanError when the goal cannot be reached, SettingError.
     """
     begun = time.perf_counter()
     learner = start_learner(model, algorithm, settings, seed)
-    progress = learner.progress
-    slice_steps, total = 20_000, 0
-    while progress.whole[stepping.EPISODE] < settings.episodes:
-        at = time.perf_counter()
-        total += learner.advance(slice_steps)
-        if watch is not None:
-            watch(_milestone(progress, total))
-        spent = time.perf_counter() - at
-        slice_steps = int(np.clip(slice_steps * SLICE_S / max(spent, 1e-6), slice_steps // 4, slice_steps * 4)) + 1000
-    learned = learner.learned()
+    events = world_changes(model, changes, settings.episodes)
+    runner = Runner(learner, watch)
+    for event in events:
+        if not isinstance(learner, Adaptive):
+            raise SettingError(f"{algorithm} walks by ways found on the map beforehand, so its world cannot change")
+        runner.to_episode(event.after)
+        learner.change_world(event.changed.grid)
+    runner.to_episode(settings.episodes)
+    learned, progress = learner.learned(), learner.progress
     return LearningRun(
-        model, algorithm, seed, settings, progress.steps, progress.returns, learned.q, learned.arc_q,
-        learned.arc_visits, time.perf_counter() - begun, learned.shifted_q,
+        events[-1].changed if events else model, algorithm, seed, settings, progress.steps, progress.returns,
+        learned.q, learned.arc_q, learned.arc_visits, time.perf_counter() - begun, learned.shifted_q, events,
     )  # fmt: skip
 
 

@@ -108,6 +108,7 @@ class GridWorld:
         moves = {(down, right): a for a, (_, down, right) in enumerate(MOVES[self.directions])}
         (row, column), (to_row, to_column) = wall
         along = to_column - column, to_row - row
+        states = self._states_around(row, column)
         for side in (-1, 0, 1):
             down, right = side * along[0], side * along[1]
             for ends in (
@@ -116,9 +117,15 @@ class GridWorld:
             ):
                 for start, end in (ends, ends[::-1]):
                     move = moves.get((end[0] - start[0], end[1] - start[1]))
-                    if move is not None and 0 <= start[0] < self.free.shape[0] and 0 <= start[1] < self.free.shape[1]:
-                        if (state := self.state_of[start]) >= 0:
-                            successor[state, move] = state
+                    if move is not None and start in states:
+                        successor[states[start], move] = states[start]
+
+    def _states_around(self, row: int, column: int) -> dict[Cell, int]:
+        """States of the free cells up to two cells away."""
+        near = self.state_of[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3]
+        return {
+            (max(row - 2, 0) + r, max(column - 2, 0) + c): int(near[r, c]) for r, c in np.argwhere(near >= 0).tolist()
+        }
 
     @cached_property
     def move_length(self) -> NDArray[np.float64]:

@@ -62,10 +62,10 @@ class LandmarkWays:
         slot_start = np.concatenate([[0], np.cumsum(lives.sum(axis=1)[kind_of])])
         by_mark = np.argsort(level.landmark_of, kind="stable")
         source_start = np.searchsorted(level.landmark_of[by_mark], np.arange(len(level.names) + 1))
+        back_start, back = kernel.backwards(likely)
         steps, move = kernel.find_ways(
-            likely, *kernel.backwards(likely), by_mark, source_start, landmark, level.landmark_of, terminal,
-            slot_start, kind_of, position.ravel(),
-        )  # fmt: skip
+            likely, back_start, back, by_mark, source_start, landmark, terminal, slot_start, kind_of, position.ravel()
+        )
         names = tuple(f"go to {level.names[mark]} in {model.region_names[region]}" for region, mark in pairs)
         option = np.nonzero(lives)[1].astype(np.int32)
         stuck = _stuck(_Slots(slot_start, steps, landmark, option_start, option, kind_of), level.landmark_of, terminal)
@@ -79,7 +79,7 @@ class LandmarkWays:
     @property
     def n_actions(self) -> int:
         """A."""
-        return self.likely.shape[1]
+        return int(self.likely.shape[1])
 
     @cached_property
     def options_of(self) -> NDArray[np.int64]:
@@ -94,12 +94,14 @@ class LandmarkWays:
     def helpless(self) -> NDArray[np.bool_]:
         """(S,) where no option may be taken."""
         may = np.concatenate([[0], np.cumsum(self.steps > 0)])
-        return (may[self.slot_start[1:]] == may[self.slot_start[:-1]]) & ~self.terminal
+        found: NDArray[np.bool_] = (may[self.slot_start[1:]] == may[self.slot_start[:-1]]) & ~self.terminal
+        return found
 
     def table(self, of: NDArray[Scalar], kind: int) -> NDArray[Scalar]:
         """(states of the kind, K) view by state of a (W,) array."""
         states, k = self.states_of_kind(kind), int(np.diff(self.option_start)[kind])
-        return of[self.slot_start[states][:, None] + np.arange(k)]
+        found: NDArray[Scalar] = of[self.slot_start[states][:, None] + np.arange(k)]
+        return found
 
 
 def likely_targets(model: HybridMDP) -> NDArray[np.uint32]:

@@ -25,11 +25,12 @@ class Strict(BaseModel):
 
 
 class Selector(Strict):
-    """Which runs: those of a series, and of one learning rate or epsilon where the series has several."""
+    """Which runs: those of a series, and of one learning rate, epsilon or some readings where it has several."""
 
     series: str
     alpha: float | None = None
     epsilon: float | None = None
+    readings: tuple[str, ...] | None = None
 
 
 def _selector(value: object) -> object:

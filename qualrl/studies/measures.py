@@ -13,9 +13,10 @@ from qualrl.learning.run import LearningRun
 
 Measure = Literal[
     "converged", "converges", "steps_until", "mean_before", "mean_after", "sd_after", "last_steps", "greedy_steps",
-    "optimal",
+    "optimal", "env_steps", "cpu_seconds", "arrives", "path_ratio", "mean_value", "mean_return",
 ]  # fmt: skip
-MEASURES: tuple[Measure, ...] = get_args(Measure)
+MEASURES: tuple[Measure, ...] = get_args(Measure)[:9]
+"""Of runs that are given episodes; those of runs on a budget of steps follow from ``converges`` on."""
 WORDS: dict[Measure, str] = {
     "converged": "episodes until convergence",
     "converges": "converged within the run (1 or 0)",
@@ -26,6 +27,12 @@ WORDS: dict[Measure, str] = {
     "last_steps": "median steps of the last 100 episodes",
     "greedy_steps": "steps of the greedy policy at the end",
     "optimal": "greedy policy at the end is optimal (1 or 0)",
+    "env_steps": "environment steps until the greedy policy is good and stays so",
+    "cpu_seconds": "processor seconds of learning until then",
+    "arrives": "greedy path at the end reaches the goal (1 or 0)",
+    "path_ratio": "greedy path at the end / shortest path",
+    "mean_value": "mean discounted value of the greedy policy at the end over all starts",
+    "mean_return": "the same without discount",
 }
 WINDOW = 50
 SLACK = 36 / 32

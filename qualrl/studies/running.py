@@ -7,7 +7,7 @@ cell and seed only and is stored in its own place, so the number of threads chan
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,11 +15,13 @@ import numpy as np
 from qualrl.learning.settings import LearnSettings
 from qualrl.learning.trainer import train
 from qualrl.models.hybrid_mdp import HybridMDP
-from qualrl.studies.measures import MEASURES, Measure, measured, thinned
-from qualrl.studies.settings import Series, StudySettings
+from qualrl.studies.measures import Measure, measured, thinned
+from qualrl.studies.settings import Chosen, Series, StudySettings
 from qualrl.studies.statistics import Floats
 
 PUZZLE = "puzzle"
+CORRIDOR = "corridor"
+"""How the names of the law's own mazes begin."""
 
 
 @dataclass(frozen=True)
@@ -32,11 +34,13 @@ class Cell:
     epsilon: float
     reading: str | None = None
     """Name of the reading, where the paper leaves something open."""
-    chosen: tuple[tuple[str, str | bool], ...] = ()
+    chosen: tuple[tuple[str, bool | float | str], ...] = ()
     """Settings of the learner that make the reading."""
     maze: str = PUZZLE
     episodes: int | None = None
     """Episodes, where they differ from the study's."""
+    gamma: float | None = None
+    """Discount, where it differs from the study's."""
 
     @property
     def label(self) -> str:
@@ -51,13 +55,16 @@ class Runs:
     measures: dict[Measure, Floats]
     """(N,) each."""
     curve: Floats
-    """(N, P) mean steps of each stretch of episodes."""
+    """(N, P) mean steps of each stretch of episodes; on a budget of steps, what was seen at each look."""
+    walks: tuple[tuple[int, ...], ...] = ()
+    """(N,) states of each run's greedy path at the end, where there is one."""
 
 
 def cells_of(settings: StudySettings) -> list[Cell]:
-    """Every combination that the settings ask for on the puzzle."""
+    """Every combination that the settings ask for, but the law's own."""
+    maze = PUZZLE if settings.budget is None else settings.budget.world
     return [
-        Cell(name, series.algorithm, alpha, epsilon, reading, tuple(chosen.items()))
+        _cell(Cell(name, series.algorithm, alpha, epsilon, reading, maze=maze), chosen)
         for name, series in settings.series.items()
         for reading, chosen in _readings(series)
         for alpha in series.alpha
@@ -65,9 +72,24 @@ def cells_of(settings: StudySettings) -> list[Cell]:
     ]
 
 
-def _readings(series: Series) -> list[tuple[str | None, dict[str, str | bool]]]:
-    named: list[tuple[str | None, dict[str, str | bool]]] = [*series.readings.items()]
+def _cell(plain: Cell, chosen: Chosen) -> Cell:
+    """A cell with a reading's settings; those that cells have fields for go there."""
+    own = {name: chosen[name] for name in ("alpha", "epsilon", "gamma") if name in chosen}
+    rest = tuple((name, value) for name, value in chosen.items() if name not in own)
+    return replace(plain, chosen=rest, **dict[str, Any](own))
+
+
+def _readings(series: Series) -> list[tuple[str | None, Chosen]]:
+    named: list[tuple[str | None, Chosen]] = [*series.readings.items()]
     return named or [(None, {})]
+
+
+def learn_settings(settings: StudySettings, cell: Cell, episodes: int) -> LearnSettings:
+    """The settings of a cell's learner."""
+    return LearnSettings(
+        episodes=episodes, alpha=cell.alpha, epsilon=cell.epsilon, eta0=settings.eta0, eta_power=settings.eta_power,
+        **dict[str, Any](cell.chosen),
+    )  # fmt: skip
 
 
 def run_cells(
@@ -86,14 +108,26 @@ def run_cells(
     """
     optimum = {name: _optimum(model) for name, model in mazes.items()}
 
-    def one(cell: Cell, seed: int) -> tuple[dict[Measure, float], Floats]:
-        chosen = LearnSettings(
-            episodes=episodes or cell.episodes or settings.episodes, alpha=cell.alpha, epsilon=cell.epsilon,
-            eta0=settings.eta0, eta_power=settings.eta_power, **dict[str, Any](cell.chosen),
-        )  # fmt: skip
+    def one(cell: Cell, seed: int) -> Measured:
+        chosen = learn_settings(settings, cell, episodes or cell.episodes or settings.episodes)
         run = train(mazes[cell.maze], cell.algorithm, chosen, seed)
-        return measured(run, optimum[cell.maze]), thinned(run.steps, settings.points)
+        return measured(run, optimum[cell.maze]), thinned(run.steps, settings.points), ()
 
+    return over_threads(one, cells, seeds, threads, watch)
+
+
+Measured = tuple[dict[Measure, float], Floats, tuple[int, ...]]
+"""A run's measures, its curve, and the states of its greedy path."""
+
+
+def over_threads(
+    one: Callable[[Cell, int], Measured],
+    cells: Sequence[Cell],
+    seeds: int,
+    threads: int | None,
+    watch: Callable[[int], None] | None,
+) -> list[Runs]:
+    """Make every run, a function of its cell and seed."""
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         jobs = [[pool.submit(one, cell, seed) for seed in range(seeds)] for cell in cells]
         try:
@@ -107,9 +141,9 @@ def run_cells(
     return [_gathered([job.result() for job in row]) for row in jobs]
 
 
-def _gathered(results: list[tuple[dict[Measure, float], Floats]]) -> Runs:
-    values = {name: np.array([found[name] for found, _ in results]) for name in MEASURES}
-    return Runs(values, np.array([curve for _, curve in results]))
+def _gathered(results: list[Measured]) -> Runs:
+    values = {name: np.array([found[name] for found, _, _ in results]) for name in results[0][0]}
+    return Runs(values, np.array([curve for _, curve, _ in results]), tuple(walk for _, _, walk in results))
 
 
 def _optimum(model: HybridMDP) -> int:

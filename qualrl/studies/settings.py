@@ -10,7 +10,12 @@ from qualrl.io.positioned_yaml import read_yaml
 from qualrl.learning.settings import setting_names
 from qualrl.studies.claims import Claim, Strict
 
-STUDIES = ("fig7", "fig8", "fig9", "fig10", "fig11", "fig12", "fig13", "law")
+STUDIES = ("fig7", "fig8", "fig9", "fig10", "fig11", "fig12", "fig13", "law", "taxi")
+OF_THE_WORLD = ("gamma",)
+"""What a reading may set besides the learner's settings."""
+
+Chosen = dict[str, bool | float | str]
+"""Settings that make a reading."""
 
 
 class Series(Strict):
@@ -19,14 +24,17 @@ class Series(Strict):
     algorithm: str
     alpha: list[float] = Field(min_length=1)
     epsilon: list[float] = Field(default=[0.01], min_length=1)
-    readings: dict[str, dict[str, str | bool]] = Field(default={}, validate_default=True)
-    """What the paper leaves open: name of each reading -> the learner's settings (qualrl.learning) that make it."""
+    readings: dict[str, Chosen] = Field(default={}, validate_default=True)
+    """What the paper leaves open: name of each reading -> the learner's settings (qualrl.learning) that make it.
+
+    gamma is the world's own; alpha and epsilon take the stead of the series'.
+    """
 
     @field_validator("readings")
     @classmethod
-    def _known(cls, readings: dict[str, dict[str, str | bool]]) -> dict[str, dict[str, str | bool]]:
+    def _known(cls, readings: dict[str, Chosen]) -> dict[str, Chosen]:
         for name in (name for chosen in readings.values() for name in chosen):
-            if name not in setting_names():
+            if name not in (*setting_names(), *OF_THE_WORLD):
                 raise ValueError(f"no setting is called {name!r}; {did_you_mean(name, setting_names())}")
         return readings
 
@@ -58,10 +66,27 @@ class Law(Strict):
     """Steps from landmark to landmark; only those that divide a length, at least twice."""
 
 
+class Budget(Strict):
+    """Runs are given environment steps instead of episodes, and their greedy policy is looked at on the way."""
+
+    world: Literal["map", "taxi"]
+    scenario: str = "office.scenario.yaml"
+    """Of a map: a bundled scenario, or the path of one."""
+    steps: int = Field(ge=1)
+    """Of each run."""
+    first: int = Field(default=10_000, ge=1)
+    """Steps before the first look."""
+    looks_per_tenfold: int = Field(default=12, ge=1)
+    even_looks: int = Field(default=50, ge=1)
+    """Looks at equal distances, over the whole budget, besides those."""
+    within: float = Field(gt=0, lt=1)
+    """How much worse than the optimum a good policy may be."""
+
+
 class Picture(Strict):
     """How a study is drawn."""
 
-    kind: Literal["curves", "surface", "law"]
+    kind: Literal["curves", "surface", "law", "navigation", "values"]
     panels: Literal["alpha", "reading"] | None = None
     """Of curves: what gets a panel for each of its values."""
     most_steps: float | None = None
@@ -83,6 +108,7 @@ class StudySettings(Strict):
     """At most so many points of each curve are kept."""
     series: dict[str, Series] = Field(default={})
     law: Law | None = None
+    budget: Budget | None = None
     picture: Picture | None = None
     claims: list[Claim]
     notes: list[str] = Field(default=[])

@@ -12,6 +12,7 @@ from qualrl.io.bundled import bundled_folder
 from qualrl.io.scenario import load_scenario
 from qualrl.learning.rules import RULES
 from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.studies.budget import Course, run_budget
 from qualrl.studies.claims import (
     NOT_MEASURED,
     Alike,
@@ -25,8 +26,9 @@ from qualrl.studies.claims import (
     Unmeasured,
     judged,
 )
+from qualrl.studies.courses import course_of
 from qualrl.studies.law.score import Fits, corridor_cells, corridor_mazes, fits
-from qualrl.studies.running import PUZZLE, Cell, Runs, cells_of, run_cells
+from qualrl.studies.running import CORRIDOR, PUZZLE, Cell, Runs, cells_of, run_cells
 from qualrl.studies.settings import StudySettings, load_study
 
 
@@ -44,6 +46,8 @@ class Study:
     notes: list[str]
     seconds: float
     fits: Fits = field(default_factory=dict)
+    course: Course | None = None
+    """Where runs on a budget of steps were made."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +60,8 @@ class Prepared:
     missing: dict[str, str]
     """Series -> learner, for those that this version has no learner for."""
     seeds: int
+    course: Course | None = None
+    """Where runs on a budget of steps are made."""
 
     @property
     def n_runs(self) -> int:
@@ -70,7 +76,8 @@ def prepared(name: str, seeds: int | None = None, settings: StudySettings | None
     wanted = [*cells_of(chosen), *law]
     missing = {cell.series: cell.algorithm for cell in wanted if cell.algorithm not in RULES}
     cells = [cell for cell in wanted if cell.series not in missing]
-    return Prepared(name, chosen, cells, missing, seeds or chosen.seeds)
+    course = None if chosen.budget is None else course_of(chosen.budget)
+    return Prepared(name, chosen, cells, missing, seeds or chosen.seeds, course)
 
 
 def run_study(
@@ -80,20 +87,32 @@ def run_study(
     threads: int | None = None,
     watch: Callable[[int], None] | None = None,
 ) -> Study:
-    """Run, measure and judge.  ``watch`` is told how many runs are done."""
+    """Run, measure and judge.  ``watch`` is told how many runs are done.
+
+    episodes: instead of the study's; of runs on a budget of steps, the most they make.
+    """
     begun = time.perf_counter()
     settings = study.settings
-    mazes = {} if settings.law is None else corridor_mazes(settings)
-    if settings.series:
-        mazes[PUZZLE] = puzzle(settings.gamma)
-    found = run_cells(settings, study.cells, mazes, seeds=study.seeds, episodes=episodes, threads=threads, watch=watch)
+    if study.course is not None:
+        found = run_budget(
+            settings, study.cells, study.course, seeds=study.seeds, episodes=episodes, threads=threads, watch=watch
+        )
+    else:
+        mazes = {} if settings.law is None else corridor_mazes(settings)
+        if settings.series:
+            mazes[PUZZLE] = puzzle(settings.gamma)
+        found = run_cells(
+            settings, study.cells, mazes, seeds=study.seeds, episodes=episodes, threads=threads, watch=watch
+        )
     runs = dict(zip(study.cells, found, strict=True))
     fitted = {} if settings.law is None else fits(settings.law, runs)
     notes = [f"{series}: left out, {_lacking(algorithm)}" for series, algorithm in study.missing.items()]
+    if study.course is not None:
+        notes += study.course.notes()
     claims = [judge(claim, runs, fitted, study.missing) for claim in settings.claims]
     return Study(
         study.name, settings, study.seeds, episodes or settings.episodes, runs, claims, [*settings.notes, *notes],
-        time.perf_counter() - begun, fitted,
+        time.perf_counter() - begun, fitted, study.course,
     )  # fmt: skip
 
 
@@ -136,12 +155,13 @@ def _readings(groups: list[list[Cell]]) -> list[tuple[str | None, ...]]:
 
 
 def selected(selector: Selector, runs: Mapping[Cell, Runs]) -> list[Cell]:
-    """The cells that a selector means, on the puzzle."""
+    """The cells that a selector means, but for the law's corridors."""
     return [
         cell
         for cell in runs
-        if cell.maze == PUZZLE
+        if not cell.maze.startswith(CORRIDOR)
         and cell.series == selector.series
+        and (selector.readings is None or cell.reading in selector.readings)
         and selector.alpha in (None, cell.alpha)
         and selector.epsilon in (None, cell.epsilon)
     ]

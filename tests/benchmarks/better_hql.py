@@ -120,7 +120,7 @@ def plain() -> None:
     print(f"\npuzzle, {SEEDS} seeds, alpha 0.01, epsilon 0.01: median (95 % of seeds)")
     print(f"{'learner':22s}{'episodes until 36 on average':>36s}{'steps until 32 for good':>40s}   run, check, seconds")
     for algorithm, episodes, every in (
-        ("q-learning", 5000, 50), ("hql", 4000, 50), ("q-lambda", 1500, 25), ("dyna-q", 1500, 25),
+        ("q-learning", 5000, 50), ("hql", 4000, 50), ("q-lambda", 6000, 25), ("dyna-q", 6000, 25),
         ("prioritized-sweeping", 1000, 10), ("hql-replay", 1000, 10),
     ):  # fmt: skip
         chosen = LearnSettings(episodes=episodes, alpha=0.01, epsilon=0.01, eta_counter="episode")

@@ -16,7 +16,7 @@ from qualrl.api import build
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.segmentation import segment
-from qualrl.studies.running import PUZZLE, Cell, Runs
+from qualrl.studies.running import CORRIDOR, PUZZLE, Cell, Runs
 from qualrl.studies.settings import Law, StudySettings
 from qualrl.studies.statistics import Spread, least_squares
 
@@ -43,7 +43,7 @@ def _cell(series: str, algorithm: str, law: Law, reading: str | None, corridor: 
 
 def maze_name(corridor: Corridor) -> str:
     """A corridor's name."""
-    return f"corridor of {corridor[0]}, landmarks every {corridor[1]}"
+    return f"{CORRIDOR} of {corridor[0]}, landmarks every {corridor[1]}"
 
 
 def corridor_mazes(settings: StudySettings) -> dict[str, HybridMDP]:

@@ -1,0 +1,1 @@
+"""Navigation from room to room (Figure 13)."""

@@ -1,0 +1,79 @@
+"""Figure 13: the greedy path on a map, and what float64 can still tell apart there.
+
+S states, A moves.
+"""
+
+from functools import cached_property
+
+import numpy as np
+
+from qualrl.io.bundled import bundled_folder
+from qualrl.io.scenario import load_scenario
+from qualrl.learning.learner import Learned
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.solving.exact import exact_values
+from qualrl.solving.policy import greedy_walk
+from qualrl.studies.budget import Look
+from qualrl.studies.settings import Budget
+from qualrl.studies.statistics import number
+
+
+class Navigation:
+    """A map with a fixed start."""
+
+    def __init__(self, budget: Budget) -> None:
+        self._scenario = load_scenario(bundled_folder() / budget.scenario)
+        self._within = budget.within
+        self._models: dict[float, HybridMDP] = {}
+
+    @cached_property
+    def optimum(self) -> float:
+        """Steps of the shortest path."""
+        model = next(iter(self._models.values())) if self._models else self.model(0.999)
+        return float(model.grid.steps_to_goal[model.starts[0]])
+
+    def model(self, gamma: float) -> HybridMDP:
+        """See Course."""
+        if gamma not in self._models:
+            self._models[gamma] = self._scenario.with_settings([f"learn.gamma={gamma}"]).build()
+        return self._models[gamma]
+
+    def look(self, model: HybridMDP, learned: Learned) -> Look:
+        """Walk greedily from the start.  Values that were kept shifted are compared so."""
+        values = learned.q if learned.shifted_q is None else learned.shifted_q
+        walk, arrived = greedy_walk(model.world, values.__getitem__, int(model.starts[0]))
+        steps = float(len(walk) - 1) if arrived else np.inf
+        good = steps <= self.optimum * (1 + self._within)
+        ratio = steps / self.optimum if arrived else np.nan
+        return Look(steps, good, {"arrives": float(arrived), "path_ratio": ratio}, tuple(walk))
+
+    def notes(self) -> list[str]:
+        """How far the exact values of the moves can be told apart, for each discount used."""
+        notes = []
+        for gamma, model in self._models.items():
+            (plain, near), (shifted, _) = told_apart(model)
+            what = f"in {plain} of {len(model)} cells all moves are worth the same number"
+            where = "" if near is None else f", the nearest of them {near} steps from the goal"
+            start = f"the start is {number(self.optimum)} steps off"
+            notes.append(
+                f"float64 at gamma {gamma:g}: {what}{where} ({start}); with values kept as value - r_min / (1 - gamma), "
+                f"as HQL with replay does, in {shifted}."
+            )
+        return notes
+
+
+Indistinct = tuple[int, int | None]
+"""(cells in which all moves are worth the same number, steps to the goal of the nearest of them)."""
+
+
+def told_apart(model: HybridMDP) -> tuple[Indistinct, Indistinct]:
+    """Cells without a best move in float64: by the exact values as they are, and by the shifted ones."""
+    world, exact = model.grid, exact_values(model.world)
+    away = (world.steps_to_goal >= 0) & (np.arange(len(world)) != world.goal)
+    found = []
+    for value, shift in ((exact.value, 0.0), (exact.shifted, exact.shift)):
+        onward = world.move_reward + shift * (1 - world.gamma) + world.gamma * value[world.successor]
+        q = np.where(world.successor == world.goal, world.goal_reward + shift, onward)
+        same = np.flatnonzero((q.max(axis=1) == q.min(axis=1)) & away)
+        found.append((len(same), int(world.steps_to_goal[same].min()) if len(same) else None))
+    return found[0], found[1]

@@ -1,0 +1,1 @@
+"""Dietterich's taxi, where MAXQ comes from."""
