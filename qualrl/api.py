@@ -1,10 +1,12 @@
 """The verbs of the library: read_map, segment, build, train, plan (and load_scenario, from ``io``)."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
 from qualrl.errors import SettingError, UnknownNameError, did_you_mean
+from qualrl.learning.changes import Change
+from qualrl.learning.online import Online, train_online
 from qualrl.learning.run import LearningRun
 from qualrl.learning.settings import LearnSettings, setting_names
 from qualrl.learning.trainer import Milestone
@@ -78,18 +80,27 @@ def train(
     *,
     seed: int = 0,
     watch: Callable[[Milestone], None] | None = None,
+    changes: Sequence[Change] = (),
+    online: Online | None = None,
     **settings: Any,
 ) -> Training:
     """Learn a model.  settings: episodes, alpha, epsilon, max_steps, eta0, eta_power, eta_counter.
 
     ``watch`` is called about ten times a second.  The same seed gives the same result.
+    changes: doors that close and open on the way, which the learner has to find out.  online: for a robot that does
+    not know the map and sees what is near.
     Raises UnknownNameError for an unknown algorithm or setting, SettingError, or NoPlanError.
     """
     known = setting_names()
     for name in settings:
         if name not in known:
             raise UnknownNameError(f"no setting is called {name!r}; {did_you_mean(name, known)}")
-    return training_of(run_learner(model, algorithm, LearnSettings(**settings), seed, watch))
+    told = LearnSettings(**settings)
+    if online is None:
+        return training_of(run_learner(model, algorithm, told, seed, watch, changes))
+    if changes:
+        raise SettingError("a robot that does not know the map cannot be given changes of it too: drop one of the two")
+    return training_of(train_online(model, algorithm, told, online, seed, watch))
 
 
 def training_of(run: LearningRun) -> Training:
@@ -134,7 +145,7 @@ def _with_goal(model: HybridMDP, goal: PlaceLike) -> HybridMDP | None:
         model.regions, read_place(goal), start=start, gamma=world.gamma, slip=world.slip,
         directions=world.directions, step_reward=world.step_reward, goal_reward=world.goal_reward,
     )  # fmt: skip
-    return replace(other, coarser=model.coarser)
+    return replace(other, world=replace(other.grid, closed=world.closed), coarser=model.coarser)
 
 
 def _start(model: HybridMDP, start: PlaceLike | None) -> tuple[int, str]:

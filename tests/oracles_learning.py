@@ -182,12 +182,12 @@ class BinaryHeap:
 
 def prioritized_sweeping(
     step, terminal, starts, n_states, n_actions, *, planning_steps, threshold, gamma, epsilon, episodes, seed,
-    max_steps, before,
+    max_steps, before, certain,
 ):  # fmt: skip
     """Prioritized sweeping (Moore and Atkeson 1993), a state at a time, every action of it that was tried.
 
     before: the states s' that may follow, in the order in which their predecessors are looked at: {s': [(s, a,
-    outcome)]}.  Returns (q, steps, returns).
+    outcome)]}.  certain: every action has one outcome.  Returns (q, steps, returns).
     """
     draws, heap = xoshiro(seed), BinaryHeap()
     q = [[0.0] * n_actions for _ in range(n_states)]
@@ -197,6 +197,9 @@ def prioritized_sweeping(
     all_steps, all_returns = [], []
 
     def backup(s, a):
+        if certain:  # nothing to average
+            ((_, s2, reward),) = seen[s, a].values()
+            return reward + gamma * value[s2]
         total = sum(n * (reward + gamma * value[s2]) for _, (n, s2, reward) in sorted(seen[s, a].items()))
         return total / tries[s, a]
 

@@ -482,7 +482,8 @@ def test_every_sub_agent_of_w_learning_learns_the_optimum_of_its_own_task():
 
 @pytest.mark.parametrize("algorithm", LEARNERS)
 def test_each_learner_finds_the_shortest_way_through_the_puzzle(algorithm):
-    run = train(puzzle(), algorithm, LearnSettings(episodes=3000, alpha=0.1, epsilon=0.1), seed=0)
+    chosen = LearnSettings(episodes=3000, alpha=0.1, epsilon=0.1, primitives=True)
+    run = train(puzzle(), algorithm, chosen, seed=0)
     assert run.greedy_steps == 32
     assert not np.isnan(run.q).any()
     assert (run.q.max(axis=1) > -np.inf).all()

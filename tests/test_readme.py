@@ -3,6 +3,7 @@
 import doctest
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -34,7 +35,7 @@ def test_commands_print_what_is_shown(block, tmp_path):
     command, expected = block.split("\n", 1)
     assert command.startswith("$ qualrl ")
     done = subprocess.run(
-        [sys.executable, str(ROOT / "cli.py"), *re.findall(r"[^\s\"]+|\"[^\"]*\"", command)[2:]],
+        [sys.executable, str(ROOT / "cli.py"), *shlex.split(command)[2:]],
         cwd=tmp_path, capture_output=True, text=True, env=os.environ | {"COLUMNS": "100"}, check=False,
     )  # fmt: skip
     same = doctest.OutputChecker().check_output(expected, done.stdout + done.stderr, doctest.ELLIPSIS)

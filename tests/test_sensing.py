@@ -1,5 +1,6 @@
 """What rays see, against the textbook's line in exact fractions; and what must hold of any sensor."""
 
+import itertools
 import math
 from fractions import Fraction
 
@@ -29,7 +30,7 @@ def seen_by_rays(free, place, radius):
             )
             for k in range(reach + 1)
         ]
-        for (r0, c0), (r, c) in zip(line, line[1:], strict=False):
+        for (r0, c0), (r, c) in itertools.pairwise(line):
             if (r - place[0]) ** 2 + (c - place[1]) ** 2 > radius**2:
                 break
             if not (0 <= r < free.shape[0] and 0 <= c < free.shape[1]):
@@ -89,7 +90,7 @@ def test_a_wall_hides_what_is_behind_it_and_a_door_shows_a_cone():
 
 
 def test_nothing_is_seen_between_two_walls_that_touch_at_a_corner():
-    free = grid_of("..#.\n..#.\n##..\n....").free
+    free = grid_of("..#.\n..#.\n##..\n....").free.copy()
     assert not look(free, [(1, 1)], 5)[2:, 2:].any()
     free[1, 2] = True
     assert look(free, [(1, 1)], 5)[2, 2]
@@ -115,7 +116,20 @@ def test_what_is_known_grows_and_the_rest_is_unknown():
     assert not known.frontier.any()
 
 
+@given(st.data(), free_masks(side=12, connected=False), st.floats(1, 6))
+@hypothesis_settings(deadline=None)
+def test_places_it_does_not_look_from_would_have_shown_nothing_new(data, free, radius):
+    known, everywhere = KnownMap(OccupancyGrid.from_free(free), radius), np.zeros(free.shape, bool)
+    at = data.draw(st.lists(st.sampled_from(sorted(cells(free))), min_size=1, max_size=12))
+    for cut in range(0, len(at), 3):
+        places = np.zeros(free.shape, bool)
+        places[tuple(np.transpose(at[cut : cut + 3]))] = True
+        known.look_from(places)
+        everywhere |= look(free, at[cut : cut + 3], radius)
+        np.testing.assert_array_equal(known.seen, everywhere)
+
+
 @pytest.mark.parametrize("radius_m", [0.0, 0.4, -1.0, float("nan"), float("inf"), 1e9])
 def test_a_radius_must_see_something(radius_m):
-    with pytest.raises(SettingError, match="radius must be from 0.5 m"):
+    with pytest.raises(SettingError, match=r"radius must be from 0\.5 m"):
         KnownMap(grid_of("...", 0.5), radius_m)

@@ -72,7 +72,22 @@ def learn_document(run: LearningRun) -> dict[str, Any]:
         "max_error": run.max_error,
         "seconds": run.seconds,
         "changes": [vars(recovery) for recovery in run.recovery],
+        **_growth(run),
     }
+
+
+def _growth(run: LearningRun) -> dict[str, Any]:
+    """How the map became known, and what learning would have cost had it been known."""
+    if run.growth is None or run.knew_map is None:
+        return {}
+    stages = [vars(stage) for stage in run.growth.stages]
+    knew = {
+        "total_steps": run.knew_map.total_steps,
+        "steps_per_episode": run.knew_map.steps.tolist(),
+        "greedy_steps": run.knew_map.greedy_steps,
+        "seconds": run.knew_map.seconds,
+    }
+    return {"growth": {"free_cells": run.growth.free_cells, "stages": stages, "knew_map": knew}}
 
 
 def file_list(folder: Path, names: list[str]) -> list[str]:

@@ -10,9 +10,11 @@ from qualrl.commands.options import (
     Episodes,
     Output,
     Quiet,
+    Radius,
     ScenarioFile,
     Seed,
     Settings,
+    Unknown,
 )
 
 
@@ -24,6 +26,8 @@ def learn(
     episodes: Episodes = None,
     seed: Seed = None,
     settings: Settings = None,
+    online: Unknown = False,
+    radius: Radius = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -33,15 +37,18 @@ def learn(
     from qualrl.commands.progress import learn_with_progress
     from qualrl.commands.results import result_folder, write_learning_files, write_map_files
     from qualrl.commands.scenario_copy import scenario_copy
-    from qualrl.commands.session import open_session
+    from qualrl.commands.session import open_session, without_map
     from qualrl.commands.tables import print_files, print_learning
 
     console = Console(as_json, quiet)
-    opened = open_session(console, scenario_file, output, settings, algorithm, episodes, seed)
+    opened = without_map(
+        open_session(console, scenario_file, output, settings, algorithm, episodes, seed), online, radius
+    )
     with result_folder(opened.target) as folder:
         training = learn_with_progress(opened.scenario, opened.model, console)
-        document = learn_document(training)
-        names = write_map_files(folder, opened.model, scenario_copy(opened.scenario, opened.regions, opened.target))
+        with console.stage("solving exactly, and learning otherwise, to compare"):
+            document = learn_document(training)
+        names = write_map_files(folder, training.model, scenario_copy(opened.scenario, opened.regions, opened.target))
         names += write_learning_files(folder, training, json.dumps(document))
     document["files"] = file_list(opened.target, names)
 

@@ -20,4 +20,6 @@ Algorithm = Annotated[
     str | None, typer.Option("--algorithm", help="The learner, as hql, hql-replay or q-lambda; the README lists all.")
 ]
 Episodes = Annotated[int | None, typer.Option("--episodes", help="How many episodes to learn.")]
+Unknown = Annotated[bool, typer.Option("--online", help="The robot does not know the map; it sees what is near.")]
+Radius = Annotated[float | None, typer.Option("--radius", metavar="METRES", help="How far it sees; implies --online.")]
 Seed = Annotated[int | None, typer.Option("--seed", help="Seed of the random stream.")]

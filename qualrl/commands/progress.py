@@ -8,6 +8,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from qualrl.api import Training, train
 from qualrl.commands.console import Console
 from qualrl.io.scenario import Scenario
+from qualrl.learning.online import Online
 from qualrl.learning.trainer import Milestone
 from qualrl.models.hybrid_mdp import HybridMDP
 
@@ -15,6 +16,9 @@ from qualrl.models.hybrid_mdp import HybridMDP
 def learn_with_progress(scenario: Scenario, model: HybridMDP, console: Console) -> Training:
     """Train as the scenario says."""
     settings = scenario.learn.model_dump(exclude={"algorithm", "gamma"})
+    settings |= {"changes": scenario.door_changes(), "online": None}
+    if scenario.online is not None:
+        settings["online"] = Online(**scenario.online.model_dump())
     if console.quiet or not sys.stderr.isatty():
         return train(model, scenario.learn.algorithm, seed=scenario.seed, **settings)
     with Progress(

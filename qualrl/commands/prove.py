@@ -31,6 +31,9 @@ COUNTERS = {
     ),
 }
 
+AVERAGING = "1/(1+k)"
+"""The learning rate by which a mean is kept up to date."""
+
 prove = typer.Typer(no_args_is_help=True, help="Prove or refute what a theorem asks for, and show the certificate.")
 
 
@@ -63,6 +66,10 @@ def schedule(
         weights = landmark_weights(scenario.learn.eta0, scenario.learn.eta_power)
     counter = None if scenario is None or weights is None or weights.eta0 == 0 else scenario.learn.eta_counter
     document = _document(source, formula, proof, weights, counter)
+    if scenario is not None and formula.text == AVERAGING != scenario.learn.alpha:
+        document["notes"].append(
+            f"{scenario.learn.algorithm} keeps means of what it has seen, which is this rate; learn.alpha is not used"
+        )
     console.result(document, lambda: _show(document))
     if not (proof.holds is Verdict.PROVED and counter != "episode"):
         raise typer.Exit(1)
@@ -97,11 +104,11 @@ def _formula(text: str) -> "Formula":
 
 
 def _alpha_of(scenario: "Scenario") -> "Formula":
-    """Today a number; text is a formula."""
+    """The scenario's alpha, or what averaging comes to for a learner that keeps counts."""
+    from qualrl.learning.rules import rule_named
     from qualrl.learning.schedule import schedule_of
 
-    alpha: float | str = scenario.learn.alpha
-    return schedule_of(alpha).formula
+    return schedule_of(AVERAGING if rule_named(scenario.learn.algorithm).averages else scenario.learn.alpha).formula
 
 
 def _document(
@@ -150,7 +157,7 @@ def _notes(formula: "Formula") -> list[str]:
 
 
 def _show(document: dict[str, Any]) -> None:
-    print(f"alpha_k = {document['alpha']}, k = 0, 1, 2, ...")
+    print(f"alpha_k = {document['alpha']}, k = 0, 1, 2, ... updates of a state and action")
     for claim, verdict, lines in (
         ("sum of alpha_k = infinity", "sum_diverges", "sum_lines"),
         ("sum of alpha_k**2 < infinity", "squares_converge", "squares_lines"),

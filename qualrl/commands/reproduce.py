@@ -18,12 +18,13 @@ if TYPE_CHECKING:
 
 ALL = "all"
 TABLE_FILE = "table.md"
-MEASURED = "Until convergence, medians (95 % of the runs); before, after: mean steps an episode"
+UNTIL = "Until convergence, medians (95 % of the runs)"
+MEASURED = f"{UNTIL}; before, after: mean steps an episode"
 
 
 @guarded
 def reproduce(
-    figure: Annotated[str, typer.Argument(metavar="FIGURE", help="fig7 to fig13, law, or all.")],
+    figure: Annotated[str, typer.Argument(metavar="FIGURE", help="fig7 to fig13, law, taxi, or all.")],
     output: Annotated[
         Path | None,
         typer.Option(
@@ -47,11 +48,10 @@ def reproduce(
     """
     from qualrl.commands.documents import file_list
     from qualrl.io.output_folder import OutputFolder
-    from qualrl.studies.settings import STUDIES
     from qualrl.studies.study import prepared, run_study
 
     console = Console(as_json, quiet)
-    names = STUDIES if figure == ALL else (figure,)
+    names = _names(figure, console)
     ready = [prepared(name, seeds) for name in names]
     target = output or Path("results") / "reproduce" / figure
     ours = [TABLE_FILE, *(f"{name}.{ending}" for name in names for ending in ("json", "png"))]
@@ -72,6 +72,20 @@ def reproduce(
         print_files(target, files)
 
     console.result(document, for_people)
+
+
+def _names(figure: str, console: Console) -> tuple[str, ...]:
+    """The studies asked for; of all, the taxi only with what it needs."""
+    from qualrl.io.gymnasium_world import MISSING, has_gymnasium
+    from qualrl.studies.settings import NEED_GYMNASIUM, STUDIES
+
+    if figure != ALL:
+        return (figure,)
+    if has_gymnasium():
+        return STUDIES
+    for name in NEED_GYMNASIUM:
+        console.note(f"{name} is left out: {MISSING}")
+    return tuple(name for name in STUDIES if name not in NEED_GYMNASIUM)
 
 
 def _write(folder: "OutputFolder", studies: "list[Study]") -> tuple[list[dict[str, Any]], list[str]]:
@@ -134,7 +148,8 @@ def _print(studies: "list[Study]") -> None:
     out.print(claims)
     headings, measured = measured_table(studies[0])
     if len(studies) == 1 and measured:
-        table = Table(*headings, title=MEASURED, title_justify="left", title_style="", box=None, padding=(0, 2, 0, 0))
+        title = MEASURED if studies[0].course is None else UNTIL
+        table = Table(*headings, title=title, title_justify="left", title_style="", box=None, padding=(0, 2, 0, 0))
         for cells in measured:
             table.add_row(*map(Text, cells))
         out.print(table)

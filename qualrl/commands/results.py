@@ -12,18 +12,20 @@ from qualrl.io.scenario import Scenario, dump_scenario
 from qualrl.io.training_file import write_run
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.plan import Plan
+from qualrl.report.growth import draw_growth
 from qualrl.report.learning_curve import draw_learning_curve
 from qualrl.report.overlay import draw_overlay
 
 MODEL_FILE, TRAINING_FILE, SCENARIO_FILE = "hybrid_mdp.npz", "training.npz", "scenario.yaml"
 MAP_FILES = ("regions.png", "overlay.png", "graph.json", "graph.graphml", MODEL_FILE, SCENARIO_FILE)
 LEARNING_FILES = (TRAINING_FILE, "learn.json", "learning_curve.png")
+GROWTH_FILE = "growth.png"
 PLAN_FILE = "plan.json"
 
 
 def result_folder(path: Path) -> OutputFolder:
     """A folder for results; what an earlier command left there of ours goes when the new results come."""
-    return OutputFolder(path, ours=(*MAP_FILES, *LEARNING_FILES, PLAN_FILE))
+    return OutputFolder(path, ours=(*MAP_FILES, *LEARNING_FILES, GROWTH_FILE, PLAN_FILE))
 
 
 def write_map_files(folder: OutputFolder, model: HybridMDP, scenario: Scenario, plan: Plan | None = None) -> list[str]:
@@ -43,7 +45,10 @@ def write_learning_files(folder: OutputFolder, training: Training, document: str
     write_run(training, folder.path(TRAINING_FILE))
     folder.path("learn.json").write_text(document + "\n", encoding="utf-8")
     draw_learning_curve(training, folder.path("learning_curve.png"))
-    return list(LEARNING_FILES)
+    if training.growth is None:
+        return list(LEARNING_FILES)
+    draw_growth(training.growth, folder.path(GROWTH_FILE))
+    return [*LEARNING_FILES, GROWTH_FILE]
 
 
 def write_plan(folder: OutputFolder, plan: Plan) -> str:

@@ -39,9 +39,9 @@ def run(
 
     console = Console(as_json, quiet)
     opened = open_session(console, scenario_file, output, settings, algorithm, episodes, seed)
-    model = opened.model
     with result_folder(opened.target) as folder:
-        training = learn_with_progress(opened.scenario, model, console)
+        training = learn_with_progress(opened.scenario, opened.model, console)
+        model = training.model
         with console.stage("solving exactly, to compare"):
             plan = training.plan(farthest_start(model) if model.start is None else None)
         learned = learn_document(training)
@@ -50,7 +50,7 @@ def run(
         names += write_learning_files(folder, training, json.dumps(learned))
         names.append(write_plan(folder, plan))
     document = {
-        **map_document(opened.regions, model.graph),
+        **map_document(opened.regions, opened.model.graph),
         "learn": learned,
         "plan": plan.to_dict(),
         "files": file_list(opened.target, names),

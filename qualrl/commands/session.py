@@ -1,6 +1,6 @@
 """What ``learn`` and ``run`` do alike: from the command line to a model that is ready to learn."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from qualrl.commands.console import PARSING, Console
@@ -36,3 +36,13 @@ def open_session(
         regions = scenario.regions()
     console.warn_of(regions)
     return Session(scenario, regions, scenario.build(regions), target)
+
+
+def without_map(session: Session, online: bool, radius_m: float | None) -> Session:
+    """The session of a robot that does not know the map, if asked for; its scenario says the rest."""
+    scenario = session.scenario
+    if scenario.online is None and (online or radius_m is not None):
+        scenario = scenario.with_settings(["online={}"])
+    if radius_m is not None:
+        scenario = scenario.with_settings([f"online.radius_m={radius_m}"])
+    return replace(session, scenario=scenario)

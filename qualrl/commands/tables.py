@@ -7,6 +7,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from qualrl.learning.growth import Growth
+from qualrl.learning.recovery import Recovery
 from qualrl.learning.run import LearningRun
 from qualrl.planning.plan import Plan
 from qualrl.spatial.region_map import RegionMap
@@ -87,7 +89,44 @@ def print_learning(run: LearningRun) -> None:
         learned_value, exact = run.q[run.model.start].max(), run.exact_values[run.model.start]
         lines.append(f"value of the start: {learned_value:.6g} learned, {exact:.6g} exact")
     lines.append(f"largest error of any state's value, those hardly visited included: {run.max_error:.4g}")
-    Console(highlight=False).print("\n".join(lines), markup=False, soft_wrap=True)
+    lines += [_recovered(recovery) for recovery in run.recovery]
+    out = Console(highlight=False)
+    out.print("\n".join(lines), markup=False, soft_wrap=True)
+    if run.growth is not None and run.knew_map is not None:
+        _print_growth(out, run.growth)
+        out.print(_beside(run, run.knew_map), markup=False, soft_wrap=True)
+
+
+def _recovered(of: Recovery) -> str:
+    optimum = "" if of.optimum_after is None else f" (optimum {of.optimum_before} -> {of.optimum_after} steps)"
+    took = _took(of.episodes, of.steps)
+    fresh = _took(of.fresh_episodes, of.fresh_steps)
+    return f"after episode {of.after} {of.what}{optimum}: recovered {took}; a learner starting from nothing: {fresh}"
+
+
+def _took(episodes: int | None, steps: int | None) -> str:
+    return "not at all" if episodes is None else f"after {episodes} episodes, {steps:,} steps"
+
+
+def _print_growth(out: Console, growth: Growth) -> None:
+    table = Table(title="the map as it became known", title_justify="left")
+    for heading in ("steps", "episode", "known cells", "share", "regions", "doorways", "landmarks", "goal seen"):
+        table.add_column(heading, justify="right")
+    for stage in growth.stages:
+        table.add_row(
+            f"{stage.steps:,}", str(stage.episode), f"{stage.known_cells:,}",
+            f"{stage.known_cells / growth.free_cells:.0%}", str(stage.regions), str(stage.doorways),
+            str(stage.landmarks), "yes" if stage.knows_goal else "no",
+        )  # fmt: skip
+    out.print(table)
+
+
+def _beside(run: LearningRun, knew: LearningRun) -> str:
+    def told(of: LearningRun) -> str:
+        policy = "none to the goal" if of.greedy_steps is None else f"{of.greedy_steps} steps"
+        return f"first episode {of.steps[0]:,} steps, all {of.total_steps:,} in {of.seconds:.1f} s, policy {policy}"
+
+    return f"without the map: {told(run)}\nknowing the map: {told(knew)}"
 
 
 def print_learners(rows: Sequence[Mapping[str, str]]) -> None:

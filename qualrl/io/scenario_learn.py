@@ -78,4 +78,4 @@ class LearnSettings(Strict):
         default=1e-3, gt=0, description="prioritized-sweeping lets smaller changes of a value go"
     )
     tries: Count = Field(default=5, description="hql-replay: tries until an action is known")
-    primitives: bool = Field(default=True, description="whether options and tasks may be left for single moves")
+    primitives: bool = Field(default=False, description="whether options and tasks may be left for single moves")

@@ -32,7 +32,9 @@ class OnlineSettings(Strict):
     """A robot that does not know the map, and sees what is near."""
 
     radius_m: float = Field(default=4.0, gt=0, description="how far it sees")
-    growth: float = Field(default=0.1, gt=0, description="regions are found anew once the known area grew by this share")
+    growth: float = Field(
+        default=0.1, gt=0, description="regions are found anew when the known area grew by this share"
+    )
 
 
 def changes_of(settings: Sequence[ChangeSetting]) -> "tuple[Change, ...]":

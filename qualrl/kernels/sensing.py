@@ -30,16 +30,29 @@ def look(free: Any, places: Any, reach: Any, radius: Any, seen: Any) -> Any:
 def _ray(free: Any, row: Any, column: Any, down: Any, right: Any, reach: Any, radius: Any, seen: Any) -> Any:
     """Follow the ray to the rim cell (row + down, column + right)."""
     height, width = free.shape
-    last_r, last_c = row, column
-    for k in range(1, reach + 1):
-        dr = (2 * k * down + reach) // (2 * reach)  # rounded, halves up
-        dc = (2 * k * right + reach) // (2 * reach)
-        r, c = row + dr, column + dc
-        if dr * dr + dc * dc > radius * radius or not (0 <= r < height and 0 <= c < width):
+    most = radius * radius
+    r, c = row, column
+    part_r, part_c = reach, reach  # of 2 * reach; half a cell at first, so that halves are rounded up
+    for _ in range(reach):
+        last_r, last_c = r, c
+        part_r += 2 * down
+        part_c += 2 * right
+        if part_r >= 2 * reach:
+            part_r -= 2 * reach
+            r += 1
+        elif part_r < 0:
+            part_r += 2 * reach
+            r -= 1
+        if part_c >= 2 * reach:
+            part_c -= 2 * reach
+            c += 1
+        elif part_c < 0:
+            part_c += 2 * reach
+            c -= 1
+        if (r - row) * (r - row) + (c - column) * (c - column) > most or r < 0 or r >= height or c < 0 or c >= width:
             return
         if r != last_r and c != last_c and not free[r, last_c] and not free[last_r, c]:
             return
         seen[r, c] = True
         if not free[r, c]:
             return
-        last_r, last_c = r, c

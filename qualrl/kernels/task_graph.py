@@ -18,7 +18,7 @@ import numpy as np
 from numba import int64, uint64
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled
+from qualrl.kernels.jit import compiled_bare
 from qualrl.kernels.stepping import (
     EPISODE,
     OWN_WHOLE,
@@ -29,6 +29,7 @@ from qualrl.kernels.stepping import (
     below,
     draw,
     moved_on,
+    next_rate,
     started,
 )
 
@@ -77,14 +78,14 @@ class Calls(NamedTuple):
     """The step of the episode at which each was made."""
 
 
-@compiled
+@compiled_bare
 def _pseudo(pseudo: Any, task: Any, s: Any) -> Any:
     low, high = pseudo.start[task], pseudo.start[task + 1]
     i = low + np.searchsorted(pseudo.state[low:high], s)
     return pseudo.amount[i] if i < high and pseudo.state[i] == s else pseudo.otherwise[task]
 
 
-@compiled
+@compiled_bare
 def _best(called: Any, own: Any, low: Any, high: Any) -> Any:
     """(largest V + C of the entries low..high, the first entry of that value, how many have it)."""
     best, where, ties = called[uint64(low)] + own[uint64(low)], uint64(low), 1
@@ -97,7 +98,7 @@ def _best(called: Any, own: Any, low: Any, high: Any) -> Any:
     return best, int64(where), ties
 
 
-@compiled
+@compiled_bare
 def _pick(called: Any, own: Any, low: Any, high: Any, best: Any, ties: Any, exploring: Any, u: Any) -> Any:
     """An entry of low..high, each as likely: any that is open when exploring, otherwise one worth ``best``."""
     count = ties
@@ -114,7 +115,7 @@ def _pick(called: Any, own: Any, low: Any, high: Any, best: Any, ties: Any, expl
     return low
 
 
-@compiled
+@compiled_bare
 def _tell(
     caller_start: Any,
     caller: Any,
@@ -145,7 +146,7 @@ def _tell(
                 _tell(caller_start, caller, called, own, outer, row, base, n_actions, task, best)
 
 
-@compiled
+@compiled_bare
 def run_steps(
     grid: Any,
     slip: Any,
@@ -153,6 +154,7 @@ def run_steps(
     graph: Any,
     pseudo: Any,
     calls: Any,
+    visits: Any,
     rates: Any,
     actions: Any,
     starts: Any,
@@ -166,6 +168,7 @@ def run_steps(
     """Run up to n_steps steps; the world, ``actions``, ``starts`` and what is returned as in ``learning``.
 
     pseudo and outer are None where no task has a pseudo-reward.  move_value (S * A,): expected reward of each move.
+    visits: Visits of each entry of own (and outer), then of each row of move_value; or None for rates.alpha.
     """
     n_actions = len(actions)
     n_tasks = graph.begin.size // graph.child_start.size
@@ -209,6 +212,8 @@ def run_steps(
             grid, slip, table, uint64(s), uint64(move), n_actions, r0, r1, r2, r3
         )
         by = s * n_actions + move
+        if visits is not None:
+            alpha = next_rate(visits, own.size + by)
         move_value[by] += alpha * (reward - move_value[by])
         _tell(caller_start, caller, called, own, outer, row, kind * n_children, n_actions, move, move_value[by])
         s = int64(moved)
@@ -232,6 +237,8 @@ def run_steps(
             if pseudo is not None and not known:
                 target = discount * _pseudo(pseudo, i, s)
             e = call_entry[depth]
+            if visits is not None:
+                alpha = next_rate(visits, e)
             own[e] += alpha * (target - own[e])
             if outer is not None:
                 outer[e] += alpha * (seen - outer[e])

@@ -13,7 +13,7 @@ import numpy as np
 from numba import int64, uint64
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled
+from qualrl.kernels.jit import compiled, compiled_bare
 from qualrl.kernels.stepping import (
     EPISODE,
     OWN_REAL,
@@ -24,6 +24,7 @@ from qualrl.kernels.stepping import (
     below,
     draw,
     moved_on,
+    next_rate,
     started,
 )
 
@@ -118,7 +119,7 @@ def find_ways(
     return steps, move
 
 
-@compiled
+@compiled_bare
 def _is_step_nearer(
     t: Any, further: Any, steps: Any, slot_start: Any, kind_of: Any, position: Any, o: Any, n_options: Any
 ) -> Any:
@@ -147,7 +148,7 @@ def backwards(likely: Any) -> Any:
     return start, back
 
 
-@compiled
+@compiled_bare
 def scan(q: Any, low: Any, high: Any) -> Any:
     """(largest of q[low:high], where it stands first, how often it is there)."""
     best, where, ties = q[uint64(low)], uint64(low), 1
@@ -159,7 +160,7 @@ def scan(q: Any, low: Any, high: Any) -> Any:
     return best, int64(where), ties
 
 
-@compiled
+@compiled_bare
 def chosen(q: Any, low: Any, high: Any, best: Any, ties: Any, exploring: Any, u: Any) -> Any:
     """A place in q[low:high], each as likely: any that is open when exploring, otherwise one of the ``ties`` best."""
     count = ties
@@ -176,13 +177,13 @@ def chosen(q: Any, low: Any, high: Any, best: Any, ties: Any, exploring: Any, u:
     return place
 
 
-@compiled
+@compiled_bare
 def _spot(first: Any, kind_of: Any, option_start: Any, n_options: Any, s: Any) -> Any:
     kind = int64(kind_of[s])
     return Spot(first[s], option_start[kind + 1] - option_start[kind], option_start[kind], kind * n_options)
 
 
-@compiled
+@compiled_bare
 def _worth(q: Any, n_actions: Any, there: Any, worst: Any) -> Any:
     """The best that any sub-agent of a state hopes for; ``worst`` where there is none."""
     worth, found = worst, False
@@ -195,9 +196,18 @@ def _worth(q: Any, n_actions: Any, there: Any, worst: Any) -> Any:
     return worth
 
 
-@compiled
+@compiled_bare
+def _learn(q: Any, visits: Any, alpha: Any, entry: Any, target: Any) -> Any:
+    """Move an entry towards a target, by alpha or, with visits, by the rate that has come to it."""
+    if visits is not None:
+        alpha = next_rate(visits, entry)
+    q[entry] += alpha * (target - q[entry])
+
+
+@compiled_bare
 def _learn_agents(
     q: Any,
+    visits: Any,
     landmark: Any,
     landmark2: Any,
     worst: Any,
@@ -237,11 +247,11 @@ def _learn_agents(
             if worst is not None:
                 wanted = scan(q, low, low + n_actions)[0]
                 if q[low + a] < wanted:
-                    q[here.row + x] += rates.alpha * (wanted - target - q[here.row + x])
-            q[low + a] += rates.alpha * (target - q[low + a])
+                    _learn(q, visits, rates.alpha, here.row + x, wanted - target)
+            _learn(q, visits, rates.alpha, low + a, target)
 
 
-@compiled
+@compiled_bare
 def run_steps(
     grid: Any,
     slip: Any,
@@ -252,6 +262,7 @@ def run_steps(
     machine: Any,
     agents: Any,
     worst: Any,
+    visits: Any,
     rates: Any,
     actions: Any,
     starts: Any,
@@ -266,6 +277,7 @@ def run_steps(
     machine (anything): the moves of an option are choices too, and each choice learns at the next one.
     agents: Agents; who acts is chosen anew at each step, by what the switch has learned or, when ``worst`` is
     given, by how much each minds not being obeyed.
+    visits: Visits of each entry of q, or None for the constant rates.alpha.
     """
     n_actions = len(actions)
     alpha, gamma = rates.alpha, rates.gamma
@@ -290,7 +302,7 @@ def run_steps(
             high = here.row + here.k + n_actions
             best, pick, ties = scan(q, here.row, high)
             if pending >= 0:
-                q[pending] += alpha * (gain + discount * best - q[pending])
+                _learn(q, visits, alpha, pending, gain + discount * best)
                 if here.row <= pending < high:
                     best, pick, ties = scan(q, here.row, high)
             u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
@@ -311,7 +323,7 @@ def run_steps(
                 low = here.row + here.k + n_actions + place * n_actions
                 best, pick, ties = scan(q, low, low + n_actions)
                 if machine is not None and pending >= 0:
-                    q[pending] += alpha * (gain + discount * best - q[pending])
+                    _learn(q, visits, alpha, pending, gain + discount * best)
                     if low <= pending < low + n_actions:
                         best, pick, ties = scan(q, low, low + n_actions)
                 u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
@@ -344,19 +356,19 @@ def run_steps(
                         place = int64(position[there.base + option[here.start + x]])
                         if place >= 0 and q[there.row + place] > -np.inf:
                             value = q[there.row + place]
-                    q[here.row + x] += alpha * (reward + gamma * value - q[here.row + x])
+                    _learn(q, visits, alpha, here.row + x, reward + gamma * value)
         if agents is not None:
             running = -1
             _learn_agents(
-                q, agents.landmark, agents.landmark_of[s], worst, position, option, n_actions, here, there, a, over,
-                reward, rates,
+                q, visits, agents.landmark, agents.landmark_of[s], worst, position, option, n_actions, here, there, a,
+                over, reward, rates,
             )  # fmt: skip
         if agents is None and running >= 0:
             place = int64(position[there.base + running])
             if place < 0 or q[there.row + place] == -np.inf:
                 running = -1
         if over and pending >= 0:
-            q[pending] += alpha * (gain - q[pending])
+            _learn(q, visits, alpha, pending, gain)
         here = there
         if over or t >= rates.max_steps:
             progress.steps[episode] = t

@@ -1,6 +1,7 @@
 """Learners that choose the next action before they learn: SARSA, SARSA(lambda), Watkins's Q(lambda)."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from qualrl.kernels import stepping
 from qualrl.kernels import traces as kernel
@@ -40,6 +41,14 @@ class AheadLearner:
     def change_world(self, world: GridWorld) -> None:
         """See Adaptive."""
         rewire(self._world, world)
+
+    def change_levels(self, model: HybridMDP) -> None:
+        """See Exploring.  There is no such level here."""
+
+    def visited(self) -> NDArray[np.bool_]:
+        """See Exploring.  States are told by their values: one whose updates came to exactly 0 is missed."""
+        found: NDArray[np.bool_] = (self._q.reshape(len(self.model), -1) != 0).any(axis=1)
+        return found
 
     def learned(self) -> Learned:
         """See Learner.  Rows on the trace get what they are still owed."""

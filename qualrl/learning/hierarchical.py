@@ -33,7 +33,6 @@ landmark, so the shortest way tends to win; nothing keeps two agents from undoin
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.errors import SettingError
 from qualrl.kernels import stepping
 from qualrl.kernels import task_graph as graph_kernel
 from qualrl.kernels import tasks as kernel
@@ -63,13 +62,13 @@ class LandmarkLearner:
         self.hierarchy = rule.hierarchy
         self.progress = fresh_progress(settings.episodes, seed)
         self._world = kernel_world(model)
-        self._rates = _rates(model, rule, settings)
         self._actions = (0,) * model.world.n_actions
         blocks = self.hierarchy not in (Hierarchy.OPTION, Hierarchy.INTRA_OPTION)
         self.first = _first(self.ways, blocks)
         single = self.ways.helpless if self.hierarchy is Hierarchy.W else self.ways.stuck | settings.primitives
         may = open_rows(self.ways, self.first, single, self.hierarchy is Hierarchy.MACHINE, blocks)
         self.q = np.where(may, 0.0, -np.inf)
+        self._visits, self._rates = _rates(model, settings, self.q.size)
         self.policy = None if blocks else _policy(self.ways, self.first, may)
         self._rows = kernel.Rows(
             self.first, self.ways.kind_of, self.ways.option_start, self.ways.option, self.ways.position.ravel()
@@ -85,8 +84,8 @@ class LandmarkLearner:
     def advance(self, n_steps: int) -> int:
         """See Learner."""
         made: int = kernel.run_steps(
-            *self._world, self._rows, self.policy, *self._how, self._rates, self._actions, self.model.starts,
-            self.q, self.progress, n_steps,
+            *self._world, self._rows, self.policy, *self._how, self._visits, self._rates, self._actions,
+            self.model.starts, self.q, self.progress, n_steps,
         )  # fmt: skip
         return made
 
@@ -126,7 +125,6 @@ class MaxqLearner:
         self.graph = model.tasks or landmark_tasks(model, settings.primitives)
         self.progress = fresh_progress(settings.episodes, seed)
         self._world = kernel_world(model)
-        self._rates = _rates(model, rule, settings)
         self._actions = (0,) * model.world.n_actions
         self._graph = graph_kernel.Graph(
             self.graph.first, self.graph.kind_of, self.graph.begin.ravel(), self.graph.end.ravel(),
@@ -142,12 +140,13 @@ class MaxqLearner:
         """(W,) value of what each entry calls."""
         self._pseudo = _pseudo(self.graph) if self.graph.has_pseudo_rewards else None
         self.move_value = np.zeros(len(model) * model.world.n_actions)
+        self._visits, self._rates = _rates(model, settings, self.own.size + self.move_value.size)
 
     def advance(self, n_steps: int) -> int:
         """See Learner."""
         made: int = graph_kernel.run_steps(
-            *self._world, self._graph, self._pseudo, self._calls, self._rates, self._actions, self.model.starts,
-            self.called, self.own, self.outer, self.move_value, self.progress, n_steps,
+            *self._world, self._graph, self._pseudo, self._calls, self._visits, self._rates, self._actions,
+            self.model.starts, self.called, self.own, self.outer, self.move_value, self.progress, n_steps,
         )  # fmt: skip
         return made
 
@@ -193,12 +192,9 @@ def worst_return(model: HybridMDP) -> float:
     return min(model.world.reward_bounds[0], 0.0) / (1 - model.gamma)
 
 
-def _rates(model: HybridMDP, rule: LearningRule, settings: LearnSettings) -> stepping.Rates:
-    """Raises SettingError for a learning rate that changes."""
-    _, alpha = visits_of(settings.alpha, 0)
-    if not alpha:
-        raise SettingError(f"alpha must be a number for {rule.name}, not a formula, got {settings.alpha!r}")
-    return stepping.Rates(alpha, model.gamma, settings.epsilon, settings.max_steps or NO_LIMIT)
+def _rates(model: HybridMDP, settings: LearnSettings, entries: int) -> tuple[stepping.Visits | None, stepping.Rates]:
+    visits, alpha = visits_of(settings.alpha, entries)
+    return visits, stepping.Rates(alpha, model.gamma, settings.epsilon, settings.max_steps or NO_LIMIT)
 
 
 def _first(ways: LandmarkWays, blocks: bool) -> NDArray[np.int64]:

@@ -53,6 +53,17 @@ class Adaptive(Learner, Protocol):
         """Go on in a world with other doors closed; the learner is not told, and has to find out."""
 
 
+@runtime_checkable
+class Exploring(Learner, Protocol):
+    """A learner that may find out about its qualitative level on its way."""
+
+    def change_levels(self, model: HybridMDP) -> None:
+        """Go on with other regions and landmarks over the same states; what was learned of those is kept."""
+
+    def visited(self) -> NDArray[np.bool_]:
+        """(S,) states that it surely acted in; it may miss some, as the learner says."""
+
+
 KernelWorld = tuple[stepping.Grid | None, float | None, stepping.Table | None]
 
 

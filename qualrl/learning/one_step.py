@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from qualrl.kernels import learning as kernel
 from qualrl.kernels import stepping
 from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world, rewire, visits_of
+from qualrl.learning.levels_anew import same_landmarks, upper_anew
 from qualrl.learning.policy import policy_actions
 from qualrl.learning.rules import LearningRule
 from qualrl.learning.schedule import schedule_of
@@ -23,6 +24,7 @@ class OneStepLearner:
         self.progress.whole[kernel.LANDMARK] = self.progress.whole[kernel.LEFT_AT] = -1
         self._world = kernel_world(model)
         self._upper = _upper(model, settings) if rule.uses_landmarks else None
+        self._landmarks = model.landmarks
         self._policy = policy_actions(model, settings.policy) if rule.evaluates else None
         self._actions = (0,) * model.world.n_actions
         self._q = np.zeros(len(model) * (1 if rule.evaluates else model.world.n_actions))
@@ -40,6 +42,22 @@ class OneStepLearner:
     def change_world(self, world: GridWorld) -> None:
         """See Adaptive."""
         rewire(self._world, world)
+
+    def change_levels(self, model: HybridMDP) -> None:
+        """See Exploring.  A way begun at a landmark that is none any more is not learned from."""
+        if self._upper is not None:
+            kept, whole = same_landmarks(model.landmarks, self._landmarks), self.progress.whole
+            self._upper = upper_anew(self._upper, model.landmarks, kept, len(self._actions))
+            self._landmarks = model.landmarks
+            here = np.flatnonzero((kept == whole[kernel.LANDMARK]) & (kept >= 0))
+            if not here.size:
+                whole[kernel.LEFT_AT] = -1
+            whole[kernel.LANDMARK] = here[0] if here.size else -1
+
+    def visited(self) -> NDArray[np.bool_]:
+        """See Exploring.  States are told by their values: one whose updates came to exactly 0 is missed."""
+        found: NDArray[np.bool_] = (self._q.reshape(len(self.model), -1) != 0).any(axis=1)
+        return found
 
     def learned(self) -> Learned:
         """See Learner."""

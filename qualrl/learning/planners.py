@@ -16,7 +16,7 @@ the qualitative level is an estimate of its own: it only says which regions are 
 to explore.  So no bias is left to fade, under slip either.
 """
 
-from typing import cast
+from typing import Any, cast
 
 import networkx as nx
 import numpy as np
@@ -26,11 +26,15 @@ from qualrl.kernels import planning as kernel
 from qualrl.kernels import replay, stepping
 from qualrl.kernels.experience import Experience
 from qualrl.learning.learner import NO_LIMIT, KernelWorld, Learned, fresh_progress, kernel_world, rewire, visits_of
+from qualrl.learning.levels_anew import regions_anew
 from qualrl.learning.rules import LearningRule, Planner
 from qualrl.learning.settings import LearnSettings
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.solving.exact import shift_of
+
+NOTHING = 1e-12
+"""A shifted reward below this share of the shift is 0."""
 
 
 class PlanningLearner:
@@ -74,6 +78,22 @@ class PlanningLearner:
         start, before = _before(self.model, [_targets(found, world.slip > 0) for found in self._successors])
         self._seen = self._seen._replace(before_start=start, before=before)
 
+    def change_levels(self, model: HybridMDP) -> None:
+        """See Exploring."""
+        if self._levels is not None:
+            best = self._q.reshape(len(model), -1).max(axis=1)
+            self._levels = regions_anew(
+                self._levels, model.region_of, model.landmarks.landmark_of, relevant_regions(model),
+                np.abs(best - self._value),
+            )  # fmt: skip
+            whole = self.progress.whole
+            whole[kernel.PATH_LEFT], whole[kernel.RETRY_AT], whole[kernel.PATIENCE] = 0, 0, 1
+
+    def visited(self) -> NDArray[np.bool_]:
+        """See Exploring.  None is missed."""
+        found: NDArray[np.bool_] = self._seen.tries.reshape(len(self.model), -1).max(axis=1) > 0
+        return found
+
     def learned(self) -> Learned:
         """See Learner."""
         shifted = self._q.reshape(len(self.model), -1).copy()
@@ -96,6 +116,7 @@ def experience(model: HybridMDP, world: KernelWorld, shift: float) -> Experience
         assert grid is not None
         targets = _targets(grid.successor.reshape(len(model), -1), several)
         reward, goal_reward = grid.step_reward + added, grid.goal_reward + added
+    reward[np.abs(reward) <= NOTHING * added] = 0.0  # what is worth 0 must not grow out of a rounding error
     before_start, before = _before(model, [targets])
     return Experience(
         np.zeros(n_rows, np.uint32), np.zeros(len(targets) if several else 1, np.uint32), reward, goal_reward,
@@ -164,27 +185,23 @@ def _promises(model: HybridMDP, shift: float) -> tuple[float, float]:
         ends = world.terminal[world.target] & live
         on_the_way = float(world.reward[live & ~ends].max(initial=world.reward.min()))
         at_the_end = float(world.reward[ends].max(initial=world.reward.min()))
-    most = max(at_the_end, on_the_way / (1 - world.gamma) if on_the_way > 0 else on_the_way + world.gamma * at_the_end)
+    most = max(at_the_end, on_the_way / (1 - world.gamma))  # at once, or never: between them the worth is monotone
     return most + shift, on_the_way + shift * (1 - world.gamma)
 
 
 def relevant_regions(model: HybridMDP) -> NDArray[np.bool_]:
-    """(R,) regions that a way from the start to the goal may pass without entering any region twice.
+    """(R,) regions that a way from the start to the goal may pass without going through any doorway twice.
 
+    A region may be passed more than once: a way may leave it by one doorway and come back by another.
     All of them when episodes start at random, or when the model came without a map: other rewards than the
     goal's could then lie off the way.
     """
-    everywhere = np.ones(len(model.region_names), np.bool_)
     if model.start is None or not isinstance(model.world, GridWorld):
-        return everywhere
+        return np.ones(len(model.region_names), np.bool_)
     names = model.region_names
     first, last = names[model.region_of[model.start]], names[model.region_of[model.world.goal]]
-    if first == last:
-        return np.array([name == first for name in names])
-    neighbours: nx.Graph[str] = nx.Graph(cast("nx.Graph[str]", model.graph.to_undirected()))
-    neighbours.add_edge(first, last)  # what lies on a simple path is on a cycle with this edge
-    for part in nx.biconnected_components(neighbours):
-        passed = {str(name) for name in part}
-        if {first, last} <= passed:
-            return np.array([name in passed for name in names])
-    return everywhere
+    doorways = nx.MultiGraph(model.graph.to_undirected())
+    doorways.add_edge(first, last)  # what lies on such a way is on a closed one with this edge, hence behind no bridge
+    doorways.remove_edges_from(list(cast(Any, nx.bridges)(doorways)))
+    passed = nx.node_connected_component(doorways, first)
+    return np.array([name in passed for name in names])

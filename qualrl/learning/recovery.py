@@ -44,6 +44,8 @@ class Recovery:
 
 def recovery_of(run: LearningRun) -> tuple[Recovery, ...]:
     """The recovery from each change of a run.  Learns each changed world once more from nothing."""
+    if not run.changes:
+        return ()
     ends = [*(event.after for event in run.changes[1:]), len(run.steps)]
     return tuple(_measured(run, event, end) for event, end in zip(run.changes, ends, strict=True))
 

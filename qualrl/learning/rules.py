@@ -70,6 +70,12 @@ class LearningRule:
     """What a learner of ``Loop.TASKS`` has between the top choice and a move."""
 
 
+    @property
+    def averages(self) -> bool:
+        """Whether it keeps counts of outcomes, whose means need no learning rate."""
+        return self.planner in (Planner.HEAP, Planner.REGIONS)
+
+
 FLAT = "the optimal values of the flat MDP"
 SOFT = "the values of the best policy that explores with probability epsilon (the flat optimum as epsilon falls to 0)"
 TOP_MOVES = "; with primitives, " + FLAT

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.learning.changes import WorldChange
+from qualrl.learning.growth import Growth
 from qualrl.learning.policy import policy_actions
 from qualrl.learning.rules import rule_named
 from qualrl.learning.settings import LearnSettings
@@ -49,6 +50,8 @@ class LearningRun:
     """(S, A) the same plus ``exact.shift``, from learners that keep digits where q has none left; else None."""
     changes: tuple[WorldChange, ...] = ()
     """What changed in the world meanwhile; ``model`` is the world at the end."""
+    growth: Growth | None = None
+    """How the map became known, for a robot that did not know it; ``arc_q`` and ``arc_visits`` are empty then."""
 
     @cached_property
     def recovery(self) -> "tuple[Recovery, ...]":
@@ -56,6 +59,13 @@ class LearningRun:
         from qualrl.learning.recovery import recovery_of
 
         return recovery_of(self)
+
+    @cached_property
+    def knew_map(self) -> "LearningRun | None":
+        """The same run of a robot that knows the map, to compare; None for one that does."""
+        from qualrl.learning.trainer import train
+
+        return None if self.growth is None else train(self.model, self.algorithm, self.settings, self.seed)
 
     @property
     def total_steps(self) -> int:

@@ -66,7 +66,7 @@ class LearnSettings:
     """Changes of a value up to this are let go by prioritized-sweeping."""
     tries: int = 5
     """How often hql-replay tries an action before it counts as known, once it has seen moves slip; before, once."""
-    primitives: bool = True
+    primitives: bool = False
     """Whether learners over options, tasks or sub-agents may also make single moves from the top, everywhere.
 
     With them their limit is the flat optimum, without them the best of what the hierarchy allows.

@@ -211,7 +211,7 @@ def hybrid_mdp(
         world,
         regions.region_names,
         region_of,
-        _landmarks_of_map(world, regions, int(region_of[world.goal])),
+        landmarks_of_map(world, regions, int(region_of[world.goal])),
         graph,
         start_state,
         regions,
@@ -219,8 +219,8 @@ def hybrid_mdp(
     )
 
 
-def _landmarks_of_map(world: GridWorld, regions: RegionMap, goal_region: int) -> LandmarkLevel:
-    """The landmarks of a map and the goal, which is one of its own.
+def landmarks_of_map(world: GridWorld, regions: RegionMap, goal_region: int | None) -> LandmarkLevel:
+    """The landmarks of a map and the goal, which is one of its own; at no state while its region is not known (None).
 
     Where two share a cell, the later of this order keeps it: corners and the like, doorways, the goal.
     """
@@ -229,9 +229,10 @@ def _landmarks_of_map(world: GridWorld, regions: RegionMap, goal_region: int) ->
         for index, mark in enumerate(regions.landmarks):
             if (mark.kind == "doorway") == doorways:
                 landmark_of[world.state_of[mark.cells[:, 0], mark.cells[:, 1]]] = index
-    landmark_of[world.goal] = len(regions.landmarks)
+    if goal_region is not None:
+        landmark_of[world.goal] = len(regions.landmarks)
     names = [mark.name for mark in regions.landmarks] + [GOAL]
-    joined = [mark.regions for mark in regions.landmarks] + [(goal_region,)]
+    joined = [mark.regions for mark in regions.landmarks] + [() if goal_region is None else (goal_region,)]
     return landmark_level(names, landmark_of, joined)
 
 

@@ -23,6 +23,8 @@ def draw_learning_curve(run: LearningRun, file: Path) -> None:
     axes.plot(episodes[window - 1 :], mean, color="#08519c", linewidth=2, label=f"mean of {window}")
     if run.optimal_steps is not None:
         axes.axhline(run.optimal_steps, color="#e31a1c", linestyle="--", label=f"optimum: {run.optimal_steps} steps")
+    for number, event in enumerate(run.changes):
+        axes.axvline(event.after, color="#636363", linestyle=":", label="a change" if number == 0 else None)
     axes.set(xlabel="episode", ylabel="steps", yscale="log", title=f"{run.algorithm}, seed {run.seed}")
     axes.grid(alpha=0.3, which="both")
     axes.legend()

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.learning.learner import Learned, Learner
+from qualrl.learning.learner import Learner
 from qualrl.learning.settings import MOST_EPISODES
 from qualrl.learning.trainer import start_learner
 from qualrl.models.hybrid_mdp import HybridMDP
@@ -47,8 +47,8 @@ class Course(Protocol):
     def model(self, gamma: float) -> HybridMDP:
         """The world; the same object each time."""
 
-    def look(self, model: HybridMDP, learned: Learned) -> Look:
-        """Judge what was learned."""
+    def look(self, model: HybridMDP, learner: Learner) -> Look:
+        """Judge what a learner knows by now."""
 
     def notes(self) -> list[str]:
         """What to know of the world."""
@@ -86,13 +86,13 @@ def run_budget(
 
     def one(cell: Cell, seed: int) -> Measured:
         model, learner = started(cell, seed)
-        seen, seconds = _watched(learner, looks, lambda: course.look(model, learner.learned()))
+        seen, seconds = _watched(learner, looks, lambda: course.look(model, learner))
         return _measured(seen, seconds, looks)
 
     for cell in cells:  # compile before the clock runs, and ready what the threads share
         model, learner = started(cell, 0)
         learner.advance(1)
-        course.look(model, learner.learned())
+        course.look(model, learner)
     return over_threads(one, cells, seeds, threads, watch)
 
 

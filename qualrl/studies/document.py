@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from qualrl import __version__
+from qualrl.studies.budget_document import budget_criterion, budget_curve, budget_row
 from qualrl.studies.claims import Judged, shown
-from qualrl.studies.measures import MEASURES, SLACK, WINDOW, WORDS
+from qualrl.studies.measures import SLACK, WINDOW, WORDS
 from qualrl.studies.pictures import band, points_of
-from qualrl.studies.running import PUZZLE, Cell, Runs
+from qualrl.studies.running import CORRIDOR, Cell, Runs
 from qualrl.studies.statistics import Floats, Spread, number, spread
 from qualrl.studies.study import Study
 
@@ -38,16 +39,25 @@ def study_document(study: Study) -> dict[str, Any]:
         "qualrl": __version__,
         "seeds": list(range(study.seeds)),
         "episodes": study.episodes,
-        "criterion": CRITERION,
+        "criterion": criterion(study),
         "settings": study.settings.model_dump(mode="json"),
         "measures": dict(WORDS),
         "claims": [_claim(claim) for claim in study.claims],
         "measured": [_measured(cell, runs) for cell, runs in study.runs.items()],
         "fits": {name: {term: asdict(found) for term, found in fit.items()} for name, fit in study.fits.items()},
-        "curves": [_curve(study, cell, runs) for cell, runs in study.runs.items() if cell.maze == PUZZLE],
+        "curves": [_curve(study, cell, runs) for cell, runs in study.runs.items() if _drawn(cell)],
         "notes": study.notes,
         "seconds": round(study.seconds, 3),
     }
+
+
+def criterion(study: Study) -> str:
+    """When a run counts as converged."""
+    return CRITERION if study.course is None else budget_criterion(study)
+
+
+def _drawn(cell: Cell) -> bool:
+    return not cell.maze.startswith(CORRIDOR)
 
 
 def _claim(claim: Judged) -> dict[str, Any]:
@@ -62,11 +72,11 @@ def _key(cell: Cell) -> dict[str, Any]:
     return {
         "series": cell.series, "algorithm": cell.algorithm, "alpha": cell.alpha, "epsilon": cell.epsilon,
         "reading": cell.reading, "maze": cell.maze,
-    }  # fmt: skip
+    } | ({} if cell.gamma is None else {"gamma": cell.gamma})  # fmt: skip
 
 
 def _measured(cell: Cell, runs: Runs) -> dict[str, Any]:
-    found = {name: _spread(runs.measures[name]) for name in MEASURES}
+    found = {name: _spread(sample) for name, sample in runs.measures.items()}
     return _key(cell) | {name: None if value is None else asdict(value) for name, value in found.items()}
 
 
@@ -76,6 +86,8 @@ def _spread(sample: Floats) -> Spread | None:
 
 
 def _curve(study: Study, cell: Cell, runs: Runs) -> dict[str, Any]:
+    if study.course is not None:
+        return _key(cell) | budget_curve(study, runs)
     low, median, high = np.round(band(runs), 1).tolist()
     episodes = points_of(study, runs).astype(int).tolist()
     return _key(cell) | {"episodes": episodes, "median": median, "low": low, "high": high}
@@ -92,14 +104,15 @@ def measured_table(study: Study) -> tuple[list[str], list[list[str]]]:
 
     episodes, steps: until convergence.  before, after: mean steps of an episode before and after it.
     """
-    rows = [_measured_row(cell, runs) for cell, runs in study.runs.items()]
-    several = {name for name in ("maze", "epsilon") if len({row[name] for row in rows}) > 1}
+    row_of = _measured_row if study.course is None else budget_row
+    rows = [row_of(cell, runs) for cell, runs in study.runs.items()]
+    several = {name for name in ("maze", "epsilon") if len({row.get(name) for row in rows}) > 1}
     headings = [name for name in (rows[0] if rows else ()) if name in several or name not in ("maze", "epsilon")]
     return headings, [[row[name] for name in headings] for row in rows]
 
 
 def _measured_row(cell: Cell, runs: Runs) -> dict[str, str]:
-    found = {name: _spread(runs.measures[name]) for name in MEASURES}
+    found = {name: _spread(sample) for name, sample in runs.measures.items()}
     converged = found["converged"]
     assert converged is not None
     return {
@@ -138,8 +151,10 @@ def remarks(studies: Sequence[Study]) -> str:
     """How it was measured and judged, and what to know of each study."""
     notes = [f"- {study.name}: {note}" for study in studies for note in study.notes]
     seeds = max(study.seeds for study in studies)
-    made = f"{seeds} runs of each kind, seeds 0 to {seeds - 1}; qualrl {__version__}."
-    return "\n".join([CRITERION, RULES, READINGS, made, *([""] if notes else []), *notes])
+    fewer = [f"{study.name}: {study.seeds}" for study in studies if study.seeds != seeds]
+    made = f"{seeds} runs of each kind{''.join(f' ({each})' for each in fewer)}, seeds 0, 1, ...; qualrl {__version__}."
+    criteria = dict.fromkeys(criterion(study) for study in studies)
+    return "\n".join([*criteria, RULES, READINGS, made, *([""] if notes else []), *notes])
 
 
 def report(studies: Sequence[Study]) -> str:

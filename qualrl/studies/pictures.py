@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from qualrl.report.budget_figures import draw_navigation, draw_values
 from qualrl.report.study_figures import (
     Curve,
     LawFigure,
@@ -14,6 +15,7 @@ from qualrl.report.study_figures import (
     draw_law,
     draw_surfaces,
 )
+from qualrl.studies.budget_document import budget_curves, walks_of
 from qualrl.studies.law.score import corridor_costs
 from qualrl.studies.measures import stretch
 from qualrl.studies.running import PUZZLE, Cell, Runs
@@ -35,6 +37,13 @@ def draw_study(study: Study, file: Path) -> bool:
     title = f"{study.settings.title} ({study.seeds} runs each)"
     if picture.kind == "law":
         draw_law(_law(study), file, title=title)
+    elif picture.kind == "navigation":
+        model, walks = walks_of(study)
+        assert model.regions is not None
+        cells = {label: [[model.cell_of(state) for state in walk] for walk in found] for label, found in walks.items()}
+        draw_navigation(model.regions, cells, budget_curves(study), file, title=title, optimum=_optimum(study))
+    elif picture.kind == "values":
+        draw_values(budget_curves(study), file, title=title, optimum=_optimum(study))
     elif picture.kind == "surface":
         draw_surfaces(_surfaces(study), file, title=title, most_steps=picture.most_steps or 400)
     else:
@@ -45,6 +54,11 @@ def draw_study(study: Study, file: Path) -> bool:
             most_episodes=picture.most_episodes or study.settings.episodes,
         )  # fmt: skip
     return True
+
+
+def _optimum(study: Study) -> float:
+    assert study.course is not None
+    return study.course.optimum
 
 
 def band(runs: Runs) -> Floats:

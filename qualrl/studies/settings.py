@@ -11,6 +11,7 @@ from qualrl.learning.settings import setting_names
 from qualrl.studies.claims import Claim, Strict
 
 STUDIES = ("fig7", "fig8", "fig9", "fig10", "fig11", "fig12", "fig13", "law", "taxi")
+NEED_GYMNASIUM = ("taxi",)
 OF_THE_WORLD = ("gamma",)
 """What a reading may set besides the learner's settings."""
 

@@ -9,13 +9,12 @@ import numpy as np
 
 from qualrl.io.bundled import bundled_folder
 from qualrl.io.scenario import load_scenario
-from qualrl.learning.learner import Learned
+from qualrl.learning.learner import Learner
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.solving.exact import exact_values
 from qualrl.solving.policy import greedy_walk
 from qualrl.studies.budget import Look
 from qualrl.studies.settings import Budget
-from qualrl.studies.statistics import number
 
 
 class Navigation:
@@ -38,8 +37,9 @@ class Navigation:
             self._models[gamma] = self._scenario.with_settings([f"learn.gamma={gamma}"]).build()
         return self._models[gamma]
 
-    def look(self, model: HybridMDP, learned: Learned) -> Look:
+    def look(self, model: HybridMDP, learner: Learner) -> Look:
         """Walk greedily from the start.  Values that were kept shifted are compared so."""
+        learned = learner.learned()
         values = learned.q if learned.shifted_q is None else learned.shifted_q
         walk, arrived = greedy_walk(model.world, values.__getitem__, int(model.starts[0]))
         steps = float(len(walk) - 1) if arrived else np.inf
@@ -48,32 +48,26 @@ class Navigation:
         return Look(steps, good, {"arrives": float(arrived), "path_ratio": ratio}, tuple(walk))
 
     def notes(self) -> list[str]:
-        """How far the exact values of the moves can be told apart, for each discount used."""
+        """How far the moves can be told apart by their exact values, for each discount used."""
         notes = []
         for gamma, model in self._models.items():
-            (plain, near), (shifted, _) = told_apart(model)
-            what = f"in {plain} of {len(model)} cells all moves are worth the same number"
-            where = "" if near is None else f", the nearest of them {near} steps from the goal"
-            start = f"the start is {number(self.optimum)} steps off"
+            lost, near = indistinct(model)
+            where = "" if near is None else f", {near} steps from the goal and farther (the start: {self.optimum:.0f})"
             notes.append(
-                f"float64 at gamma {gamma:g}: {what}{where} ({start}); with values kept as value - r_min / (1 - gamma), "
-                f"as HQL with replay does, in {shifted}."
+                f"At gamma {gamma:g} float64 gives all moves the same value in {lost} of {len(model)} cells{where}, "
+                "where values kept as value - r_min / (1 - gamma) still tell them apart."
             )
         return notes
 
 
-Indistinct = tuple[int, int | None]
-"""(cells in which all moves are worth the same number, steps to the goal of the nearest of them)."""
-
-
-def told_apart(model: HybridMDP) -> tuple[Indistinct, Indistinct]:
-    """Cells without a best move in float64: by the exact values as they are, and by the shifted ones."""
+def indistinct(model: HybridMDP) -> tuple[int, int | None]:
+    """Cells whose moves have one value in float64 though not in truth, and how many steps off the nearest one is."""
     world, exact = model.grid, exact_values(model.world)
     away = (world.steps_to_goal >= 0) & (np.arange(len(world)) != world.goal)
-    found = []
+    same = []
     for value, shift in ((exact.value, 0.0), (exact.shifted, exact.shift)):
         onward = world.move_reward + shift * (1 - world.gamma) + world.gamma * value[world.successor]
         q = np.where(world.successor == world.goal, world.goal_reward + shift, onward)
-        same = np.flatnonzero((q.max(axis=1) == q.min(axis=1)) & away)
-        found.append((len(same), int(world.steps_to_goal[same].min()) if len(same) else None))
-    return found[0], found[1]
+        same.append(q.max(axis=1) == q.min(axis=1))
+    lost = np.flatnonzero(same[0] & ~same[1] & away)
+    return len(lost), int(world.steps_to_goal[lost].min()) if len(lost) else None
