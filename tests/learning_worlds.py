@@ -89,7 +89,7 @@ class World:
 
 
 def random_table(seed: int, n_states=12, n_actions=3, gamma=0.9, terminals=2, most_outcomes=3, positive=0.2):
-    """A table with real-valued rewards, some positive on the way, several terminal rewards, self loops and dead ends."""
+    """A table with real-valued rewards, some positive on the way, several terminal rewards, self loops, dead ends."""
     chance = np.random.default_rng(seed)
     rows = {}
     for s in range(n_states):

@@ -59,7 +59,8 @@ def with_traces(
     """SARSA(lambda) and Watkins's Q(lambda) with replacing traces (Sutton and Barto 1998, figures 7.11 and 7.14).
 
     All traces are kept in a dictionary and all of them are updated at every step; a row keeps the alpha of its visit.
-    trace = 0 gives SARSA.  Values start at q0, or at 0; the run breaks off after ``most`` steps.  Returns (q, steps, returns).
+    trace = 0 gives SARSA.  Values start at q0, or at 0; the run breaks off after ``most`` steps.
+    Returns (q, steps, returns).
     """
     draws, updates = xoshiro(seed), defaultdict(int)
     q = [[0.0] * n_actions for _ in range(n_states)] if q0 is None else [list(values) for values in q0]

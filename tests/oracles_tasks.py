@@ -4,8 +4,7 @@ They share no code with what they check.  A world is a function step(state, move
 moves most often do is likely[state][move].  Choices at the top are ("go", region, landmark) or a move's number.
 """
 
-import math
-from collections import deque
+from collections import Counter, deque
 
 import numpy as np
 
@@ -110,9 +109,28 @@ def beginning(starts, draws):
     return starts[0] if len(starts) == 1 else starts[((next(draws) & MASK32) * len(starts)) >> 32]
 
 
-def learn_landmarks(how, step, marks, starts, *, gamma, alpha, epsilon, episodes, seed, max_steps, primitives, worst):
-    """option-q, intra-option-q, hamq, switch or w-learning.  Returns (top values, inner values, steps, returns)."""
-    draws = xoshiro(seed)
+class Teacher:
+    """Moves values towards their targets by rate(k), k counting what each of them was taught before."""
+
+    def __init__(self, rate):
+        self.rate, self.taught = rate, Counter()
+
+    def next_rate(self, value):
+        """The rate of a value, which is named by anything hashable, now that it is taught once more."""
+        self.taught[value] += 1
+        return self.rate(self.taught[value] - 1)
+
+    def teach(self, values, key, target):
+        """For dictionaries that live as long as the teacher does."""
+        values[key] += self.next_rate((id(values), key)) * (target - values[key])
+
+
+def learn_landmarks(how, step, marks, starts, *, gamma, rate, epsilon, episodes, seed, max_steps, primitives, worst):
+    """option-q, intra-option-q, hamq, switch or w-learning; alpha of a value is rate(its updates so far).
+
+    Returns (top values, inner values, steps, returns).
+    """
+    draws, teacher = xoshiro(seed), Teacher(rate)
     moves = range(len(marks.likely[0]))
     choices = marks.choices(primitives)
     if how == "w-learning":
@@ -127,13 +145,13 @@ def learn_landmarks(how, step, marks, starts, *, gamma, alpha, epsilon, episodes
     all_steps, all_returns = [], []
     for _ in range(episodes):
         s = beginning(starts, draws)
-        t, total = run(how, s, step, marks, top, inner, draws, gamma, alpha, epsilon, max_steps, worst)
+        t, total = run(how, s, step, marks, top, inner, draws, gamma, teacher, epsilon, max_steps, worst)
         all_steps.append(t)
         all_returns.append(total)
     return top, inner, all_steps, all_returns
 
 
-def run_option(how, s, step, marks, top, inner, draws, gamma, alpha, epsilon, max_steps, worst):
+def run_option(how, s, step, marks, top, inner, draws, gamma, teacher, epsilon, max_steps, worst):
     t, total = 0, 0.0
     while True:
         choice, began, gain, discount = pick(top[s], next(draws), epsilon), s, 0.0, 1.0
@@ -149,24 +167,24 @@ def run_option(how, s, step, marks, top, inner, draws, gamma, alpha, epsilon, ma
                     if (marks.move(other, s) if isinstance(other, tuple) else other) == a:
                         goes_on = isinstance(other, tuple) and not over and marks.may(other, s2)
                         value = after[other] if goes_on else best
-                        top[s][other] += alpha * (reward + gamma * value - top[s][other])
+                        teacher.teach(top[s], other, reward + gamma * value)
             s = s2
             if over or t >= max_steps or not (isinstance(choice, tuple) and marks.may(choice, s)):
                 break
         if how == "option-q" and (over or t < max_steps):
             target = gain if over else gain + discount * max(top[s].values())
-            top[began][choice] += alpha * (target - top[began][choice])
+            teacher.teach(top[began], choice, target)
         if over or t >= max_steps:
             return t, total
 
 
-def run_machine(how, s, step, marks, top, inner, draws, gamma, alpha, epsilon, max_steps, worst):
+def run_machine(how, s, step, marks, top, inner, draws, gamma, teacher, epsilon, max_steps, worst):
     t, total, waiting, running = 0, 0.0, None, None
 
     def settle(table):
         if waiting is not None:
             values, choice, gain, discount = waiting
-            values[choice] += alpha * (gain + discount * max(table.values()) - values[choice])
+            teacher.teach(values, choice, gain + discount * max(table.values()))
 
     while True:
         if running is None:
@@ -184,20 +202,20 @@ def run_machine(how, s, step, marks, top, inner, draws, gamma, alpha, epsilon, m
         t, total = t + 1, total + reward
         waiting = (waiting[0], waiting[1], reward, gamma)
         if marks.terminal(s):
-            waiting[0][waiting[1]] += alpha * (reward - waiting[0][waiting[1]])
+            teacher.teach(waiting[0], waiting[1], reward)
         if marks.terminal(s) or t >= max_steps:
             return t, total
         if running is not None and not marks.may(running, s):
             running = None
 
 
-def run_agents(how, s, step, marks, top, inner, draws, gamma, alpha, epsilon, max_steps, worst):
+def run_agents(how, s, step, marks, top, inner, draws, gamma, teacher, epsilon, max_steps, worst):
     t, total, waiting = 0, 0.0, None
     negotiated = how == "w-learning"
     while True:
         if waiting is not None:
             values, choice, reward = waiting
-            values[choice] += alpha * (reward + gamma * max(top[s].values()) - values[choice])
+            teacher.teach(values, choice, reward + gamma * max(top[s].values()))
         choice = pick(top[s], next(draws), 0.0 if negotiated else epsilon)
         waiting = None if negotiated else [top[s], choice, 0.0]
         a = choice
@@ -222,11 +240,11 @@ def run_agents(how, s, step, marks, top, inner, draws, gamma, alpha, epsilon, ma
                 value = 0.0 if over else max(hopes, default=worst) if arrived else worst
                 target = reward + gamma * (max(inner[option, s2].values()) if goes_on else value)
                 if own[a] < max(own.values()):
-                    top[s][option] += alpha * (max(own.values()) - target - top[s][option])
-            own[a] += alpha * (target - own[a])
+                    teacher.teach(top[s], option, max(own.values()) - target)
+            teacher.teach(own, a, target)
         s = s2
         if over and waiting is not None:
-            waiting[0][waiting[1]] += alpha * (reward - waiting[0][waiting[1]])
+            teacher.teach(waiting[0], waiting[1], reward)
         if over or t >= max_steps:
             return t, total
 
@@ -234,9 +252,9 @@ def run_agents(how, s, step, marks, top, inner, draws, gamma, alpha, epsilon, ma
 class Maxq:
     """MAXQ-Q by recursion; a task is (name, calls, over, may, pseudo): see the fields below."""
 
-    def __init__(self, tasks, n_states, n_moves, *, gamma, alpha, epsilon):
+    def __init__(self, tasks, n_states, n_moves, *, gamma, rate, epsilon):
         # tasks: name -> {"calls": [names or moves], "may": f(call, state), "pseudo": f(state)}; "root" is the root
-        self.tasks, self.gamma, self.alpha, self.epsilon = tasks, gamma, alpha, epsilon
+        self.tasks, self.gamma, self.teacher, self.epsilon = tasks, gamma, Teacher(rate), epsilon
         self.move_value = [[0.0] * n_moves for _ in range(n_states)]
         self.own, self.outer = {}, {}
 
@@ -275,7 +293,7 @@ class Maxq:
             call, when, s0 = pick(values, u, self.epsilon), self.t, s
             if isinstance(call, int):
                 s, reward = step(s, call, draws)
-                self.move_value[s0][call] += self.alpha * (reward - self.move_value[s0][call])
+                self.teacher.teach(self.move_value[s0], call, reward)
                 self.t, self.total = self.t + 1, self.total + reward
                 cut = False
             else:
@@ -290,35 +308,145 @@ class Maxq:
                 best = max(values, key=values.get)
                 own = discount * values[best]
                 seen = discount * (self.value(best, s) + self.outer.get((name, s, best), 0.0))
+            alpha = self.teacher.next_rate((name, s0, call))
             for table, target in ((self.own, own), (self.outer, seen)):
                 old = table.get((name, s0, call), 0.0)
-                table[name, s0, call] = old + self.alpha * (target - old)
+                table[name, s0, call] = old + alpha * (target - old)
             if over:
                 return s, False
             if self.t >= max_steps:
                 return s, True
 
 
-def best_over_options(marks, step_of, gamma, primitives, sweeps=3000):
-    """Values by value iteration over options and moves in a world without slip: step_of(s, a) -> (s, reward)."""
-    value = np.zeros(len(marks.likely))
-    macros = []
-    for s, found in enumerate(marks.choices(primitives)):
-        for choice in found:
-            at, gain, discount = s, 0.0, 1.0
-            while True:
-                a = marks.move(choice, at) if isinstance(choice, tuple) else choice
-                at, reward = step_of(at, a)
-                gain, discount = gain + discount * reward, discount * gamma
-                if marks.terminal(at) or not (isinstance(choice, tuple) and marks.may(choice, at)):
-                    break
-            macros.append((s, choice, gain, discount, at))
+def dense(outcomes, n_states, n_moves):
+    """(chance (S, A, S), expected reward (S, A)) of outcomes(s, a) -> [(probability, next state, reward)]."""
+    chance, reward = np.zeros((n_states, n_moves, n_states)), np.zeros((n_states, n_moves))
+    for s in range(n_states):
+        for a in range(n_moves):
+            for p, t, r in outcomes(s, a):
+                chance[s, a, t] += p
+                reward[s, a] += p * r
+    return chance, reward
+
+
+def settled(backed_up, values, sweeps=3000):
+    """Values that a backup no longer changes; what backed_up(values) returns is a dictionary with the same keys."""
     for _ in range(sweeps):
-        new = np.full(len(value), -math.inf)
-        for s, _, gain, discount, at in macros:
-            new[s] = max(new[s], gain + discount * value[at])
-        new[[marks.terminal(s) for s in range(len(value))]] = 0.0
-        if np.abs(new - value).max() < 1e-13:
+        new = backed_up(values)
+        if max(np.abs(new[key] - values[key]).max() for key in values) < 1e-12:
             break
-        value = new
-    return value, {(s, choice): gain + discount * value[at] for s, choice, gain, discount, at in macros}
+        values = new
+    return new
+
+
+def best_over_options(marks, chance, reward, gamma, primitives):
+    """{(s, choice): value} of options and moves, by value iteration over what each does until it ends."""
+    choices = marks.choices(primitives)
+    n = len(choices)
+    pays, ends = {}, {}
+    for option in marks.options:
+        inside = [s for s in range(n) if marks.may(option, s)]
+        moves = [marks.move(option, s) for s in inside]
+        on = gamma * chance[inside, moves]
+        stays = np.linalg.inv(np.eye(len(inside)) - on[:, inside])
+        on[:, inside] = 0.0
+        pays |= {(s, option): gain for s, gain in zip(inside, stays @ reward[inside, moves], strict=True)}
+        ends |= {(s, option): row for s, row in zip(inside, stays @ on, strict=True)}
+    for s in range(n):
+        pays |= {(s, a): reward[s, a] for a in range(reward.shape[1])}
+        ends |= {(s, a): gamma * chance[s, a] for a in range(reward.shape[1])}
+
+    def backed_up(values):
+        best = np.array([max((values[s, c] for c in found), default=0.0) for s, found in enumerate(choices)])
+        return {key: pays[key] + ends[key] @ best for key in values}
+
+    return settled(backed_up, {(s, c): 0.0 for s, found in enumerate(choices) for c in found})
+
+
+def best_machine(marks, chance, reward, gamma, primitives):
+    """{(s, choice): value} at the top of the best policy of the machine, by value iteration over (s, what runs)."""
+    choices = marks.choices(primitives)
+    n = len(choices)
+    inside = {(s, o): marks.no_farther(o, s) for s in range(n) for o in marks.open(s)}
+
+    def backed_up(values):
+        best = np.array([max((values[s, c] for c in found), default=0.0) for s, found in enumerate(choices)])
+        new = {}
+        for o in [None, *marks.options]:
+            after = best if o is None else np.array([values[t, o] if (t, o) in inside else best[t] for t in range(n)])
+            worth = reward + gamma * chance @ after
+            new |= {(s, a): worth[s, a] for s, a in values if isinstance(a, int)} if o is None else {}
+            new |= {key: worth[key[0], moves].max() for key, moves in inside.items() if key[1] == o}
+        return new
+
+    return settled(
+        backed_up, {(s, c): 0.0 for s, found in enumerate(choices) for c in found} | dict.fromkeys(inside, 0.0)
+    )
+
+
+def best_of_agents(marks, chance, reward, gamma, worst=None):
+    """{(option, s): (A,) values} of sub-agents' own tasks: paid 1 on arriving, or, given worst, as w-learning pays."""
+    n, moves = reward.shape
+    homes = [marks.open(s) for s in range(n)]
+
+    def backed_up(values):
+        hopes = {key: own.max() for key, own in values.items()}
+        worth = [0.0 if marks.terminal(t) else max((hopes[o, t] for o in homes[t]), default=worst) for t in range(n)]
+        new = {}
+        for option in marks.options:
+            arrived = np.array([mark == option[1] for mark in marks.mark_of])
+            on = np.array([hopes.get((option, t), 0.0 if worst is None else worst) for t in range(n)])
+            if worst is None:
+                target = chance @ np.where(arrived, 1.0, gamma * on)
+            else:
+                over = arrived | [marks.terminal(t) for t in range(n)]
+                target = reward + gamma * chance @ np.where(over, np.array(worth, float), on)
+            new |= {(o, s): target[s] for o, s in values if o == option}
+        return new
+
+    return settled(backed_up, {(o, s): np.zeros(moves) for s in range(n) for o in homes[s]})
+
+
+def best_switch(marks, chance, reward, gamma, primitives):
+    """{(s, choice): value} of obeying sub-agents, who do what is best for their own tasks, or making a move."""
+    choices = marks.choices(primitives)
+    wishes = {key: int(values.argmax()) for key, values in best_of_agents(marks, chance, reward, gamma).items()}
+    move = {(s, c): wishes[c, s] if isinstance(c, tuple) else c for s, found in enumerate(choices) for c in found}
+
+    def backed_up(values):
+        best = np.array([max((values[s, c] for c in found), default=0.0) for s, found in enumerate(choices)])
+        worth = reward + gamma * chance @ best
+        return {(s, c): worth[s, a] for (s, c), a in move.items()}
+
+    return settled(backed_up, dict.fromkeys(move, 0.0))
+
+
+def recursive_optimum(tasks, chance, reward, gamma, epsilon=0.0, name="root"):
+    """({(s, call): value to the task's own choice}, (S,) value to others, (S, S) discounted chance of where it ends).
+
+    Every task does its own best, given what those it calls do; tasks as for Maxq.  With an epsilon, what is called
+    ends where exploring takes it, though it is valued as if it did its best: to that MAXQ-Q with that epsilon tends.
+    """
+    n = len(reward)
+    open_calls = [[c for c in tasks[name]["calls"] if tasks[name]["may"](c, s)] for s in range(n)]
+    worth, ends = {}, {}
+    for call in {c for found in open_calls for c in found}:
+        if isinstance(call, int):
+            worth[call], ends[call] = reward[:, call], gamma * chance[:, call]
+        else:
+            _, worth[call], ends[call] = recursive_optimum(tasks, chance, reward, gamma, epsilon, call)
+
+    def backed_up(values):
+        found = enumerate(open_calls)
+        best = np.array([max(values[s, c] for c in cs) if cs else tasks[name]["pseudo"](s) for s, cs in found])
+        return {(s, c): worth[c][s] + ends[c][s] @ best for s, c in values}
+
+    values = settled(backed_up, {(s, c): 0.0 for s, found in enumerate(open_calls) for c in found})
+    active = np.array([bool(found) for found in open_calls])
+    gain, on, wandering = np.zeros(n), np.zeros((n, n)), np.zeros((n, n))
+    for s in np.flatnonzero(active):
+        best = max(open_calls[s], key=lambda c: values[s, c])
+        gain[s], on[s] = worth[best][s], ends[best][s]
+        wandering[s] = (1 - epsilon) * on[s] + epsilon * np.mean([ends[c][s] for c in open_calls[s]], axis=0)
+    seen = np.linalg.solve(np.eye(n) - on * active, gain)
+    return values, seen, np.linalg.solve(np.eye(n) - wandering * active, wandering * ~active)

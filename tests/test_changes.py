@@ -1,14 +1,15 @@
 """Doors that close and open while a robot learns: the changed world, its validation, and who recovers."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import qualrl
 from qualrl.api import build, plan
+from qualrl.api import train as train_verb
 from qualrl.errors import NoPlanError, ScenarioError, SettingError, UnknownNameError
 from qualrl.io.model_file import read_model, write_model
 from qualrl.io.scenario import dump_scenario, load_scenario
@@ -19,6 +20,7 @@ from qualrl.learning.settings import LearnSettings
 from qualrl.learning.trainer import start_learner, train
 from qualrl.models.grid_world import GridWorld
 from qualrl.spatial.segmentation import segment
+from tests.test_commands import draw, qualrl
 from tests.worlds import free_masks, grid_of
 
 TWO_WAYS = """
@@ -241,7 +243,7 @@ def test_a_scenario_says_what_changes(tmp_path):
     assert load_scenario(file) == scenario
     assert scenario.with_settings(["changes=[]"]).door_changes() == ()
     model = scenario.build(segment(grid_of(TWO_WAYS)))
-    assert qualrl.train(model, "hql", changes=scenario.door_changes(), episodes=30).optimal_steps == 24
+    assert train_verb(model, "hql", changes=scenario.door_changes(), episodes=30).optimal_steps == 24
     with pytest.raises(UnknownNameError, match=r"scenario.yaml: changes\[0\]: .*did you mean 'door 1'"):
         scenario.with_settings(["changes=[{after: 9, close: dor 1}]"]).build(segment(grid_of(TWO_WAYS)))
 
@@ -261,3 +263,24 @@ def test_a_wrong_change_is_told_with_its_place(tmp_path, line, words):
     file.write_text(SCENARIO + line + "\n")
     with pytest.raises(ScenarioError, match=words):
         load_scenario(file)
+
+
+def test_the_command_tells_how_a_change_was_got_over(tmp_path):
+    draw(tmp_path, "ways", TWO_WAYS)
+    (tmp_path / "ways.scenario.yaml").write_text(SCENARIO.replace("50", "200") + "{after: 100, close: door 1}\n")
+    out, _ = qualrl("run", "ways.scenario.yaml", "-o", "out", cwd=tmp_path)
+    assert "after episode 100 door 1 closes (optimum 24 -> 36 steps): recovered after 0 episodes, 0 steps;" in out
+    assert "learned policy: 36 steps; optimum: 36 steps" in out
+    assert "go through door 3 to corridor 1" in out
+    (change,) = json.loads((tmp_path / "out/learn.json").read_text())["changes"]
+    assert set(change) == {
+        "after", "what", "optimum_before", "optimum_after", "attainable", "episodes", "steps", "fresh_episodes",
+        "fresh_steps",
+    }  # fmt: skip
+    assert (change["after"], change["what"], change["episodes"]) == (100, "door 1 closes", 0)
+    out, _ = qualrl("plan", "out", "--from", "4,7", "--to", "4,9", cwd=tmp_path)
+    assert "room B -> corridor 1 -> room A" in out
+    _, err = qualrl("learn", "ways.scenario.yaml", "--episodes", "90", cwd=tmp_path, expect=2)
+    assert err == (
+        "qualrl: ways.scenario.yaml: changes[0]: after must be from 1 to 89, as there are 90 episodes, got 100\n"
+    )

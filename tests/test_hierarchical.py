@@ -1,5 +1,9 @@
 """The hierarchical learners: each loop against a textbook twin, draw for draw, and its limit against exact values."""
 
+from dataclasses import replace
+from functools import cache
+from itertools import combinations
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -23,6 +27,10 @@ from tests.worlds import free_masks, grid_of
 
 LANDMARK_LEARNERS = ["option-q", "intra-option-q", "hamq", "switch", "w-learning"]
 LEARNERS = [*LANDMARK_LEARNERS, "maxq-q"]
+
+FALLING = "4/(8+k)"
+RATES = {0.2: lambda k: 0.2, FALLING: lambda k: 4 / (8 + k)}
+"""What alpha_k is, written anew."""
 
 HALVES = """
 #########
@@ -89,6 +97,26 @@ def stepper(model):
     return step, likely, lambda s: grid.cells[s] == grid.goal
 
 
+def dense(model):
+    """(chance, expected reward) of a model, for exact values."""
+    world = model.world
+    if isinstance(world, TabularMDP):
+
+        def outcomes(s, a):
+            row = s * world.n_actions + a
+            entries = range(world.row_start[row], world.row_start[row + 1])
+            return [(world.probability[e], world.target[e], world.reward[e]) for e in entries]
+
+    else:
+        grid = oracles.GridTwin(world.free, world.goal_cell, world.directions, world.slip, prize=world.goal_reward)
+        index = {cell: i for i, cell in enumerate(grid.cells)}
+
+        def outcomes(s, a):
+            return [(p, index[cell], reward) for p, cell, reward in grid.outcomes(grid.cells[s], a)]
+
+    return twins.dense(outcomes, len(world), world.n_actions)
+
+
 def top_values(learner, marks, s):
     """{choice: value} of a state, as the learner has them."""
     options = [o for o in marks.options if o[0] in marks.regions_of[s]]
@@ -117,21 +145,26 @@ def same(found, wanted):
 
 @pytest.mark.parametrize("algorithm", LANDMARK_LEARNERS)
 @pytest.mark.parametrize(
-    ("model", "primitives", "seed"),
+    ("model", "primitives", "seed", "alpha"),
     [
-        (halves(start=(5, 1)), True, 1), (halves(0.3), False, 2), (halves(0.2, (5, 1), 8), True, 3),
-        (puzzle(), True, 4), (puzzle(None, 0.1), False, 5), (table_model(), True, 6), (table_model(), False, 7),
+        (halves(start=(5, 1)), True, 1, 0.2), (halves(0.3), False, 2, 0.2), (halves(0.2, (5, 1), 8), True, 3, 0.2),
+        (puzzle(), True, 4, 0.2), (puzzle(None, 0.1), False, 5, 0.2), (table_model(), True, 6, 0.2),
+        (table_model(), False, 7, 0.2), (halves(0.3), True, 8, FALLING), (puzzle(None, 0.1), False, 9, FALLING),
+        (table_model(), True, 10, FALLING),
     ],
-    ids=["halves", "halves slip", "eight", "puzzle", "puzzle slip", "table", "table no moves"],
+    ids=[
+        "halves", "halves slip", "eight", "puzzle", "puzzle slip", "table", "table no moves", "halves falling",
+        "puzzle falling", "table falling",
+    ],
 )  # fmt: skip
-def test_compiled_loop_equals_the_textbook_draw_for_draw(algorithm, model, primitives, seed):
-    chosen = LearnSettings(episodes=10, alpha=0.2, epsilon=0.1, max_steps=250, primitives=primitives)
+def test_compiled_loop_equals_the_textbook_draw_for_draw(algorithm, model, primitives, seed, alpha):
+    chosen = LearnSettings(episodes=10, alpha=alpha, epsilon=0.1, max_steps=250, primitives=primitives)
     learner = finished(start_learner(model, algorithm, chosen, seed))
     step, likely, terminal = stepper(model)
     marks = twins.Landmarks(model, likely, terminal)
     top, inner, steps, returns = twins.learn_landmarks(
-        algorithm, step, marks, model.starts.tolist(), gamma=0.9, alpha=0.2, epsilon=0.1, episodes=10, seed=seed,
-        max_steps=250, primitives=primitives, worst=worst_return(model),
+        algorithm, step, marks, model.starts.tolist(), gamma=0.9, rate=RATES[alpha], epsilon=0.1, episodes=10,
+        seed=seed, max_steps=250, primitives=primitives, worst=worst_return(model),
     )  # fmt: skip
     assert learner.progress.steps.tolist() == steps
     np.testing.assert_allclose(learner.progress.returns, returns, rtol=1e-12)
@@ -142,27 +175,28 @@ def test_compiled_loop_equals_the_textbook_draw_for_draw(algorithm, model, primi
             same(inner_values(learner, marks, s, option), values)
 
 
+def tasks_of(model, primitives):
+    """The tasks between the landmarks of a model, for the textbook."""
+    _, likely, terminal = stepper(model)
+    marks = twins.Landmarks(model, likely, terminal)
+    found, moves = marks.choices(primitives), range(len(likely[0]))
+    failing = worst_return(model) - max(model.world.reward_bounds[1], 0.0)
+    tasks = {"root": {"calls": [*marks.options, *moves], "may": lambda c, s: c in found[s], "pseudo": lambda s: 0.0}}
+    for option in marks.options:
+        tasks[option] = {
+            "calls": list(moves),
+            "may": lambda c, s, option=option: marks.may(option, s),
+            "pseudo": lambda s, o=option: 0.0 if terminal(s) or marks.mark_of[s] == o[1] else failing,
+        }
+    return tasks
+
+
 def maxq_twin(model, chosen, **tasks):
     """A textbook MAXQ-Q on the landmarks of a model, or on the tasks given."""
     step, likely, terminal = stepper(model)
-    if not tasks:
-        marks = twins.Landmarks(model, likely, terminal)
-        found, moves = marks.choices(chosen.primitives), range(len(likely[0]))
-        failing = worst_return(model) - max(model.world.reward_bounds[1], 0.0)
-        tasks = {
-            "root": {
-                "calls": [*marks.options, *moves],
-                "may": lambda c, s: c in found[s],
-                "pseudo": lambda s: 0.0,
-            }
-        }
-        for option in marks.options:
-            tasks[option] = {
-                "calls": list(moves),
-                "may": lambda c, s, option=option: marks.may(option, s),
-                "pseudo": lambda s, o=option: 0.0 if terminal(s) or marks.mark_of[s] == o[1] else failing,
-            }
-    twin = twins.Maxq(tasks, len(likely), len(likely[0]), gamma=0.9, alpha=chosen.alpha, epsilon=chosen.epsilon)
+    tasks = tasks or tasks_of(model, chosen.primitives)
+    rate = RATES[chosen.alpha]
+    twin = twins.Maxq(tasks, len(likely), len(likely[0]), gamma=0.9, rate=rate, epsilon=chosen.epsilon)
     return twin, step, terminal
 
 
@@ -192,13 +226,16 @@ def compare_maxq(model, chosen, seed, names, tasks):
 
 
 @pytest.mark.parametrize(
-    ("model", "primitives", "seed"),
-    [(halves(start=(5, 1)), True, 1), (halves(0.3), False, 2), (table_model(), True, 3), (puzzle(), False, 4)],
-    ids=["halves", "halves slip", "table", "puzzle"],
-)
-def test_maxq_equals_the_textbook_draw_for_draw(model, primitives, seed):
+    ("model", "primitives", "seed", "alpha"),
+    [
+        (halves(start=(5, 1)), True, 1, 0.2), (halves(0.3), False, 2, 0.2), (table_model(), True, 3, 0.2),
+        (puzzle(), False, 4, 0.2), (halves(0.3), True, 5, FALLING), (table_model(), False, 6, FALLING),
+    ],
+    ids=["halves", "halves slip", "table", "puzzle", "halves falling", "table falling"],
+)  # fmt: skip
+def test_maxq_equals_the_textbook_draw_for_draw(model, primitives, seed, alpha):
     _, likely, terminal = stepper(model)
-    chosen = LearnSettings(episodes=8, alpha=0.2, epsilon=0.1, max_steps=250, primitives=primitives)
+    chosen = LearnSettings(episodes=8, alpha=alpha, epsilon=0.1, max_steps=250, primitives=primitives)
     compare_maxq(model, chosen, seed, ["root", *twins.Landmarks(model, likely, terminal).options], {})
 
 
@@ -249,7 +286,8 @@ class Taxi:
         return s, -10.0, False
 
 
-def test_maxq_on_a_graph_of_the_users_own_equals_the_textbook_and_finds_the_optimum():
+@pytest.mark.parametrize("alpha", list(RATES))
+def test_maxq_on_a_graph_of_the_users_own_equals_the_textbook_and_finds_the_optimum(alpha):
     taxi = Taxi()
     open_calls = {task.name: task for task in taxi.tasks}
     number = {name: i for i, name in enumerate(taxi.MOVES)}
@@ -275,8 +313,9 @@ def test_maxq_on_a_graph_of_the_users_own_equals_the_textbook_and_finds_the_opti
         for name, task in open_calls.items()
     }
     assert taxi.model.tasks.depth == 3
-    compare_maxq(taxi.model, LearnSettings(episodes=40, alpha=0.3, epsilon=0.2, max_steps=100), 5, list(tasks), tasks)
-    run = train(taxi.model, "maxq-q", LearnSettings(episodes=4000, alpha=0.2, epsilon=0.2, max_steps=100), seed=1)
+    chosen = LearnSettings(episodes=40, alpha=alpha, epsilon=0.2, max_steps=100)
+    compare_maxq(taxi.model, chosen, 5, list(tasks), tasks)
+    run = train(taxi.model, "maxq-q", LearnSettings(episodes=4000, alpha=alpha, epsilon=0.2, max_steps=100), seed=1)
     assert run.greedy_steps == run.optimal_steps
     assert run.q[36].tolist() == [0.0] * 6
 
@@ -299,10 +338,11 @@ def test_a_task_graph_says_what_is_wrong_with_it():
         TaskGraph.from_tasks([], world)
 
 
+@pytest.mark.parametrize("alpha", [0.3, "1/(1+k)**0.6"])
 @pytest.mark.parametrize("algorithm", LEARNERS)
-def test_slices_of_any_size_give_the_same_run_and_seeds_another(algorithm):
+def test_slices_of_any_size_give_the_same_run_and_seeds_another(algorithm, alpha):
     model = halves(0.1)
-    chosen = LearnSettings(episodes=30, alpha=0.3, epsilon=0.1, max_steps=400)
+    chosen = LearnSettings(episodes=30, alpha=alpha, epsilon=0.1, max_steps=400)
     whole = finished(start_learner(model, algorithm, chosen, 3))
     pieces = start_learner(model, algorithm, chosen, 3)
     size = 1
@@ -323,14 +363,16 @@ def detour_model(start=(4, 1)):
 @pytest.mark.parametrize("primitives", [True, False])
 def test_options_tend_to_the_best_over_them_and_with_single_moves_to_the_optimum(algorithm, primitives):
     model = detour_model(None)
-    step, likely, terminal = stepper(model)
+    _, likely, terminal = stepper(model)
     marks = twins.Landmarks(model, likely, terminal)
-    value, choice_value = twins.best_over_options(marks, lambda s, a: step(s, a, None), 0.9, primitives)
+    choice_value = twins.best_over_options(marks, *dense(model), 0.9, primitives)
+    value = np.zeros(len(model))
     chosen = LearnSettings(episodes=30_000, alpha=1.0, epsilon=0.5, primitives=primitives)
     learner = finished(start_learner(model, algorithm, chosen, 0))
     for s in range(len(model)):
         for choice, found in top_values(learner, marks, s).items():
             assert found == pytest.approx(choice_value[s, choice], abs=1e-9)
+            value[s] = max(value[s], choice_value[s, choice])
     flat = np.array(list(oracles.GridTwin(model.grid.free, (5, 5)).values(0.9).values()))
     assert (np.abs(value - flat).max() < 1e-9) == primitives
     assert learner.learned().q.max(axis=1) == pytest.approx(value, abs=1e-9)
@@ -349,27 +391,12 @@ def test_what_a_hierarchy_costs(algorithm, primitives, steps):
         assert run.greedy_steps == steps
 
 
-def exact_machine(model, marks, grid, primitives, sweeps=2000):
-    """Values of the best policy of the machine, by value iteration over (place, what is under way)."""
-    index = {cell: i for i, cell in enumerate(grid.cells)}
-    found = marks.choices(primitives)
-    inside = {(o, s): marks.no_farther(o, s) for s in range(len(found)) for o in marks.open(s)}
-    top, under_way = np.zeros(len(found)), dict.fromkeys(inside, 0.0)
-
-    def backed_up(s, a, onward):
-        rows = [(p, index[to], r) for p, to, r in grid.outcomes(grid.cells[s], a)]
-        return sum(p * (r + (0.0 if marks.terminal(t) else 0.9 * onward(t))) for p, t, r in rows)
-
-    for _ in range(sweeps):
-        before = top.copy()
-        for (o, s), moves in inside.items():
-            under_way[o, s] = max(backed_up(s, a, lambda t, o=o: under_way.get((o, t), top[t])) for a in moves)
-        for s, choices in enumerate(found):
-            values = [under_way[c, s] if isinstance(c, tuple) else backed_up(s, c, lambda t: top[t]) for c in choices]
-            top[s] = max(values, default=0.0)
-        if np.abs(top - before).max() < 1e-12:
-            break
-    return top
+def best_of(values, n_states):
+    """(S,) the largest of {(s, choice): value}; 0 where there is nothing to choose."""
+    best = [0.0] * n_states
+    for s in {s for s, _ in values}:
+        best[s] = float(max(value for (at, _), value in values.items() if at == s))
+    return best
 
 
 @pytest.mark.parametrize("primitives", [True, False])
@@ -377,30 +404,148 @@ def test_hamq_tends_to_the_best_policy_of_the_machine(primitives):
     model = detour_model(None)
     _, likely, terminal = stepper(model)
     marks = twins.Landmarks(model, likely, terminal)
-    wanted = exact_machine(model, marks, oracles.GridTwin(model.grid.free, (5, 5)), primitives)
+    wanted = best_of(twins.best_machine(marks, *dense(model), 0.9, primitives), len(model))
     learner = finished(
         start_learner(model, "hamq", LearnSettings(episodes=30_000, alpha=1.0, epsilon=0.5, primitives=primitives), 0)
     )
     top = [max(top_values(learner, marks, s).values(), default=0.0) for s in range(len(model))]
-    assert top == pytest.approx(wanted.tolist(), abs=1e-9)
+    assert top == pytest.approx(wanted, abs=1e-9)
     flat = list(oracles.GridTwin(model.grid.free, (5, 5)).values(0.9).values())
     assert (top == pytest.approx(flat, abs=1e-9)) == primitives
 
 
-@pytest.mark.parametrize("primitives", [True, False])
-def test_under_slip_hamq_comes_near_its_limit(primitives):
-    model = model_of(np.ones((4, 4), bool), (3, 3), {(0, 2): (0, 1)}, slip=0.2)
+@cache
+def slippery():
+    """(model, landmarks of the twin, chance, reward): one landmark between two halves of an open room.
+
+    Every move slips in its own way and costs something else, so that nothing ties: where two moves are as good for
+    a sub-agent, it may be told apart by nothing which of them it makes, though others care.
+    """
+    room = model_of(np.ones((4, 6), bool), (3, 5), {(0, 2): (0, 1)}, slip=0.2)
+    table, draw = room.grid.table(), np.random.default_rng(11)
+    weight = table.probability * draw.uniform(0.5, 1.5, table.probability.size)
+    weight /= np.repeat(np.add.reduceat(weight, table.row_start[:-1]), np.diff(table.row_start))
+    reward = table.reward + draw.uniform(-0.5, 0.5, table.reward.size)
+    fields = {name: getattr(room, name) for name in room.__dataclass_fields__}
+    model = HybridMDP(**(fields | {"world": replace(table, probability=weight, reward=reward)}))
     _, likely, terminal = stepper(model)
-    marks = twins.Landmarks(model, likely, terminal)
-    wanted = exact_machine(model, marks, oracles.GridTwin(model.grid.free, (3, 3), slip=0.2), primitives)
+    return model, twins.Landmarks(model, likely, terminal), *dense(model)
+
+
+LIMITS = {
+    "option-q": twins.best_over_options,
+    "intra-option-q": twins.best_over_options,
+    "hamq": twins.best_machine,
+    "switch": twins.best_switch,
+}
+SLOWING = "1/(1+k)**0.8"
+
+
+def recursive(primitives, epsilon=0.0):
+    model, _, *world = slippery()
+    return twins.recursive_optimum(tasks_of(model, primitives), *world, 0.9, epsilon)[0]
+
+
+def test_the_limits_under_slip_are_far_from_each_other_unless_single_moves_are_offered():
+    """So that a learner which comes near the one has not come near another."""
+    model, marks, *world = slippery()
+    for primitives in (True, False):
+        found = [limit(marks, *world, 0.9, primitives) for limit in {*LIMITS.values()}]
+        values = np.array([best_of(one, len(model)) for one in [*found, recursive(primitives)]])
+        apart = [np.abs(one - other).max() for one, other in combinations(values, 2)]
+        assert (max(apart) < 1e-9) if primitives else (min(apart) > 6)
+        best = values.max(axis=0)
+        flat = np.where(model.world.terminal, 0.0, (world[1] + 0.9 * world[0] @ best).max(axis=1))
+        assert (np.abs(best - flat).max() < 1e-9) == primitives
+
+
+def errors_of(learner, sizes, error):
+    """What error() says after so many steps in all."""
+    found, made = [], 0
+    for size in sizes:
+        made += learner.advance(size - made)
+        found.append(error())
+    return found
+
+
+@pytest.mark.parametrize("algorithm", list(LIMITS))
+@pytest.mark.parametrize("primitives", [True, False])
+def test_under_slip_values_tend_to_their_limit_as_the_learning_rate_falls(algorithm, primitives):
+    model, marks, *world = slippery()
+    wanted = LIMITS[algorithm](marks, *world, 0.9, primitives)
+    chosen = LearnSettings(episodes=10**6, alpha=SLOWING, epsilon=0.5, primitives=primitives)
+    learner = start_learner(model, algorithm, chosen, 0)
+
+    def error():
+        found = {(s, c): v for s in range(len(model)) for c, v in top_values(learner, marks, s).items()}
+        assert found.keys() >= wanted.keys()
+        return max(abs(found[key] - wanted[key]) for key in wanted)
+
+    early, late = errors_of(learner, [20_000, 6_000_000], error)
+    assert late < min(2.0, early / 4)
+
+
+@pytest.mark.parametrize("algorithm", ["switch", "w-learning"])
+def test_under_slip_sub_agents_tend_to_the_optimum_of_their_own_tasks(algorithm):
+    """Not to that of other tasks: of another discount, or where ending elsewhere costs nothing."""
+    model, marks, *world = slippery()
+    worst, bound = (None, 0.05) if algorithm == "switch" else (worst_return(model), 1.5)
+    wanted = twins.best_of_agents(marks, *world, 0.9, worst)
+    other = twins.best_of_agents(marks, *world, 0.8 if worst is None else 0.9, worst and 0.0)
+    assert max(np.abs(wanted[key] - other[key]).max() for key in wanted) > 5 * bound
+    learner = start_learner(model, algorithm, LearnSettings(episodes=10**6, alpha=SLOWING, epsilon=0.5), 0)
+
+    def error():
+        found = {(o, s): list(inner_values(learner, marks, s, o).values()) for o, s in wanted}
+        return max(np.abs(np.array(found[key]) - wanted[key]).max() for key in wanted)
+
+    early, late = errors_of(learner, [20_000, 4_000_000], error)
+    assert late < min(bound, early / 4)
+
+
+def root_values(learner, marks):
+    """{(s, call): V + C} of the root of maxq-q between landmarks."""
+    graph, calls = learner.graph, [*range(4), "root", *marks.options]
+    found = {}
+    for s, kind in enumerate(graph.kind_of.tolist()):
+        for x in range(graph.begin[kind, 0], graph.end[kind, 0]):
+            entry = graph.first[s] + x
+            if graph.open[entry]:
+                call = calls[graph.child[graph.child_start[kind] + x]]
+                found[s, call] = learner.called[entry] + learner.own[entry]
+    return found
+
+
+def test_under_slip_maxq_tends_to_what_its_exploring_leaves_of_the_recursive_optimum():
+    """With a constant epsilon the completions stay averages over calls that explore, whatever the learning rate."""
+    model, marks, *_ = slippery()
+    wanted, unexplored = recursive(False, 0.3), recursive(False)
+    assert max(abs(wanted[key] - unexplored[key]) for key in wanted) > 6
+    learner = start_learner(model, "maxq-q", LearnSettings(episodes=10**6, alpha=SLOWING, epsilon=0.3), 0)
+
+    def error():
+        found = root_values(learner, marks)
+        assert found.keys() == wanted.keys()
+        return max(abs(found[key] - wanted[key]) for key in wanted)
+
+    early, late = errors_of(learner, [20_000, 4_000_000], error)
+    assert late < min(2.0, early / 4)
+
+
+@pytest.mark.parametrize("primitives", [True, False])
+def test_under_slip_maxq_tends_to_the_recursive_optimum_as_exploring_fades(primitives):
+    """A completion forgets the calls that explored more at the pace of its learning rate: k**-0.6 is fast enough."""
+    model, marks, *_ = slippery()
+    wanted = np.array(best_of(recursive(primitives), len(model)))
+    learner = start_learner(
+        model, "maxq-q", LearnSettings(episodes=10**6, alpha="1/(1+k)**0.6", primitives=primitives), 0
+    )
     errors = []
-    for seed in range(3):
-        chosen = LearnSettings(episodes=60_000, alpha=0.01, epsilon=0.3, primitives=primitives)
-        learner = finished(start_learner(model, "hamq", chosen, seed))
-        top = [max(top_values(learner, marks, s).values(), default=0.0) for s in range(len(model))]
-        errors.append(max(abs(a - b) for a, b in zip(top, wanted, strict=True)))
-    assert np.median(errors) < 4
-    assert wanted.max() > 90
+    for halved in range(7):
+        learner._rates = learner._rates._replace(epsilon=0.5 / 2**halved)
+        learner.advance(50_000 * 2**halved)
+        errors.append(np.abs(best_of(root_values(learner, marks), len(model)) - wanted).max())
+    assert errors[-1] < min(2.0, errors[0] / 4)
 
 
 TWO_EXITS = """
@@ -459,25 +604,12 @@ def test_every_sub_agent_of_a_switch_learns_the_chance_of_arriving():
 
 def test_every_sub_agent_of_w_learning_learns_the_optimum_of_its_own_task():
     model = halves()
-    step, likely, terminal = stepper(model)
+    _, likely, terminal = stepper(model)
     marks = twins.Landmarks(model, likely, terminal)
-    hopes = {(o, s): 0.0 for s in range(len(model)) for o in marks.open(s)}
-    for _ in range(500):
-        for option, s in hopes:
-            found = []
-            for a in range(4):
-                t, reward = step(s, a, None)
-                if terminal(t):
-                    onward = 0.0
-                elif marks.mark_of[t] == option[1]:
-                    onward = max((hopes[o, t] for o in marks.open(t)), default=-10.0)
-                else:
-                    onward = hopes.get((option, t), -10.0)
-                found.append(reward + 0.9 * onward)
-            hopes[option, s] = max(found)
+    hopes = twins.best_of_agents(marks, *dense(model), 0.9, worst_return(model))
     learner = finished(start_learner(model, "w-learning", LearnSettings(episodes=20_000, alpha=1.0, epsilon=0.5), 0))
     for (option, s), wanted in hopes.items():
-        assert max(inner_values(learner, marks, s, option).values()) == pytest.approx(wanted, abs=1e-9)
+        assert list(inner_values(learner, marks, s, option).values()) == pytest.approx(wanted.tolist(), abs=1e-9)
 
 
 @pytest.mark.parametrize("algorithm", LEARNERS)
@@ -508,12 +640,6 @@ def test_on_any_small_map_the_learned_way_arrives_and_no_value_beats_the_optimum
     if name != "w-learning":
         assert run.greedy_steps is not None
         assert run.greedy_steps >= run.optimal_steps
-
-
-@pytest.mark.parametrize("algorithm", LEARNERS)
-def test_a_learning_rate_that_changes_is_refused(algorithm):
-    with pytest.raises(SettingError, match=f"alpha must be a number for {algorithm}"):
-        start_learner(halves(), algorithm, LearnSettings(alpha="1/(1 + k)"))
 
 
 def test_moves_are_offered_where_no_option_leads_on():

@@ -40,10 +40,11 @@ def test_every_reading_of_algorithm_2_equals_the_textbook_to_the_last_bit(
     model = {
         "puzzle": lambda: rooms(),
         "slippery puzzle, any start": lambda: rooms(slip=0.3, start=None),
-        "table": lambda: table_model(random_table(3, 30, 4)),
+        "table": lambda: table_model(random_table(3, 30, 4, terminals=1), start=None),
     }[where]()
     chosen = LearnSettings(
-        episodes=10, alpha=alpha, epsilon=0.1, max_steps=500, eta_counter="episode", eta0=0.5, upper_alpha=upper_alpha,
+        episodes=150 if where == "table" else 10, alpha=alpha, epsilon=0.1,
+        max_steps=500, eta_counter="episode", eta0=0.5, upper_alpha=upper_alpha,
         macro_return=macro_return, macro_discount=macro_discount,
     )  # fmt: skip
     run, (q, steps, returns) = both(model, chosen, 7)
@@ -63,14 +64,14 @@ def test_the_settings_make_a_difference():
 
 
 def test_wandering_at_a_landmark_is_charged_to_the_arc_only_when_its_whole_stay_counts():
-    """A landmark that the robot often stays at: the arc's value with "stay" is lower by what the stay costs."""
+    """The same random walk, read both ways: no arc is worth more with "stay", and most are worth less."""
     worth = {}
     for macro_return in ("departure", "stay"):
         chosen = LearnSettings(
-            episodes=4000, alpha=0.05, upper_alpha="1/(1+k)", epsilon=1.0, eta0=0.0, macro_return=macro_return,
-            macro_discount="gamma_tau",
-        )  # fmt: skip
-        run = train(rooms(".....\n.....", (0, 0), (1, 4)), "hql", chosen, 1)
+            episodes=300, alpha=0.05, upper_alpha="1/(1+k)", epsilon=1.0, eta0=0.0, macro_return=macro_return
+        )
+        run = train(rooms(start=None), "hql", chosen, 1)
         worth[macro_return] = run.arc_q[run.arc_visits > 0]
-    assert (worth["stay"] <= worth["departure"] + 0.5).all()
-    assert worth["stay"].mean() < worth["departure"].mean()
+    assert len(worth["stay"]) > 5
+    assert (worth["stay"] <= worth["departure"] + 1e-9).all()
+    assert np.mean(worth["stay"] < worth["departure"] - 0.01) > 0.5

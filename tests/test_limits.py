@@ -91,8 +91,8 @@ def test_temporal_differences_tend_to_the_values_of_the_policy(where, policy):
 @pytest.mark.parametrize("where", list(MODELS))
 def test_the_bounds_tell_the_limits_apart(where):
     _, counts, best, soft, random, following = solved(where)
-    for one, other in ((best, soft), (best.max(axis=1, keepdims=True), random[:, None]),
-                       (following[:, None], random[:, None]), (best.max(axis=1, keepdims=True), following[:, None])):  # fmt: skip
+    value, random, following = best.max(axis=1)[:, None], random[:, None], following[:, None]
+    for one, other in ((best, soft), (value, random), (following, random), (value, following)):
         assert np.abs(one - other)[counts[:, : one.shape[1]]].max() > 0.06 * span(where)
 
 

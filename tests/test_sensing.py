@@ -45,7 +45,11 @@ def seen_by_rays(free, place, radius):
 
 def look(free, places, radius):
     seen = np.zeros(free.shape, bool)
-    kernel.look(free, np.array(places), math.ceil(radius), float(radius), seen)
+    reach = math.ceil(radius)
+    edge, follow = np.empty(free.size, np.int64), np.zeros(4 * (2 * reach + 1), bool)
+    count = kernel.look(free, np.array(places), reach, float(radius), seen, edge, 0, follow)
+    assert not follow.any()
+    assert len(set(edge[:count].tolist())) == count <= (free & seen).sum()
     return seen
 
 
@@ -118,14 +122,15 @@ def test_what_is_known_grows_and_the_rest_is_unknown():
 
 @given(st.data(), free_masks(side=12, connected=False), st.floats(1, 6))
 @hypothesis_settings(deadline=None)
-def test_places_it_does_not_look_from_would_have_shown_nothing_new(data, free, radius):
+def test_rays_that_are_not_followed_would_have_shown_nothing_new(data, free, radius):
     known, everywhere = KnownMap(OccupancyGrid.from_free(free), radius), np.zeros(free.shape, bool)
     at = data.draw(st.lists(st.sampled_from(sorted(cells(free))), min_size=1, max_size=12))
     for cut in range(0, len(at), 3):
         places = np.zeros(free.shape, bool)
         places[tuple(np.transpose(at[cut : cut + 3]))] = True
         known.look_from(places)
-        everywhere |= look(free, at[cut : cut + 3], radius)
+        for place in at[cut : cut + 3]:
+            everywhere |= look(free, [place], radius)
         np.testing.assert_array_equal(known.seen, everywhere)
 
 

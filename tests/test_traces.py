@@ -114,7 +114,7 @@ def test_temporal_differences_equal_the_textbook_to_the_last_bit(policy, alpha, 
         followed = {s: int(q[s].argmax()) for s in range(world.n_states) if model.can_reach[s]}
         gaps = np.diff(np.sort(q, axis=1)[:, -2:], axis=1)[:, 0]
         learned = start_learner(model, "td", LearnSettings(policy="optimal"), 0)._policy
-        for s, a in followed.items():  # equally good actions: whichever the learner follows
+        for s in followed:  # equally good actions: whichever the learner follows
             if gaps[s] < 1e-9:
                 assert q[s, learned[s]] >= q[s].max() - 1e-9
                 followed[s] = int(learned[s])

@@ -110,7 +110,7 @@ def _took(episodes: int | None, steps: int | None) -> str:
 
 def _print_growth(out: Console, growth: Growth) -> None:
     table = Table(title="the map as it became known", title_justify="left")
-    for heading in ("steps", "episode", "known cells", "share", "regions", "doorways", "landmarks", "goal seen"):
+    for heading in ("steps", "episode", "cells", "known", "regions", "doors", "marks", "goal seen"):
         table.add_column(heading, justify="right")
     for stage in growth.stages:
         table.add_row(

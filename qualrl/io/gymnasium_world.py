@@ -5,7 +5,7 @@ Needs the extra ``qualrl[rl]``; nothing else of qualrl imports Gymnasium.
 
 import importlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from importlib.util import find_spec
 from typing import Any
@@ -90,7 +90,7 @@ class StartingModel(HybridMDP):
     start_states: tuple[int, ...] = ()
 
     @cached_property
-    def starts(self) -> NDArray[np.int64]:  # type: ignore[override]
+    def starts(self) -> NDArray[np.int64]:
         """States in which episodes start.  Raises NoPlanError when the goal cannot be reached from one."""
         for state in self.start_states:
             self.check_reachable(state)
@@ -106,9 +106,10 @@ def taxi_model(gamma: float) -> StartingModel:
     """
     environment = _made(TAXI)
     table = replace(from_gymnasium(environment, gamma, TAXI_ACTIONS), state_names=_names())
-    model = StartingModel.from_table(table, taxi_errands())
+    plain = replace(HybridMDP.from_table(table, taxi_errands()), tasks=TaskGraph.from_tasks(taxi_tasks(), table))
     starts = np.flatnonzero(environment.unwrapped.initial_state_distrib)
-    return replace(model, start_states=tuple(starts.tolist()), tasks=TaskGraph.from_tasks(taxi_tasks(), table))
+    parts = {part.name: getattr(plain, part.name) for part in fields(plain)}
+    return StartingModel(**parts, start_states=tuple(starts.tolist()))
 
 
 def decoded(state: int) -> tuple[int, int, int, int]:

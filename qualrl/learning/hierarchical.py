@@ -17,13 +17,20 @@ w-learning                 sub-agents are paid the world's rewards, on arriving 
                            worth (the best that any sub-agent there hopes for), and the worst possible return for
                            ending elsewhere.  The one that would mind most not being obeyed is obeyed.
 
-Single moves are offered beside options, tasks and sub-agents when ``primitives`` is set, and always where nothing
-else leads on.  W-learning has none: where no sub-agent lives it moves at random.
+Single moves are offered beside options, tasks and sub-agents where nothing else leads on, and everywhere when
+``primitives`` is set.  W-learning has none: where no sub-agent lives it moves at random.
 An episode cut off by ``max_steps`` teaches nothing about the choice it was cut off in.
 
+Learning rates: k of a formula for alpha counts the updates of each value that is learned: of what an option, a
+sub-agent or a move is worth in a state and to whom, of each completion, and for maxq-q also of each move's reward.
+
 What maxq-q asks for: a completion is measured while what was called still explores, so its limit holds when exploring
-fades or is rare.  With a constant epsilon, values may even exceed the optimum: V(j, s) counts on the best way, and
-C(i, s, j) is an average over all the ways that were taken.  A task that may end in a bad place needs a pseudo-reward.
+fades or is rare.  With a constant epsilon, values tend elsewhere, even with a falling learning rate, and may exceed
+the optimum: V(j, s) counts on the best way, and C(i, s, j) is an average over all the ways that were taken.  A task
+that may end in a bad place needs a pseudo-reward.
+
+What switch asks for: where two moves are as good for a sub-agent, it makes now the one and now the other, and what
+obeying it is worth does not settle.
 
 What w-learning does not promise: each Q_i tends to the optimum of its own task, but which of them wins is a
 compromise.  In a world without slip what an agent minds is proportional to gamma to the length of the way by its
@@ -49,8 +56,9 @@ def task_learner(
     model: HybridMDP, rule: LearningRule, settings: LearnSettings, seed: int
 ) -> "LandmarkLearner | MaxqLearner":
     """The learner of a row of ``Loop.TASKS``."""
-    kind = MaxqLearner if rule.hierarchy is Hierarchy.MAXQ else LandmarkLearner
-    return kind(model, rule, settings, seed)
+    if rule.hierarchy is Hierarchy.MAXQ:
+        return MaxqLearner(model, settings, seed)
+    return LandmarkLearner(model, rule, settings, seed)
 
 
 class LandmarkLearner:
@@ -120,7 +128,7 @@ class LandmarkLearner:
 class MaxqLearner:
     """A learner of the loop in ``kernels.task_graph``: on the model's own task graph, or on that of its landmarks."""
 
-    def __init__(self, model: HybridMDP, rule: LearningRule, settings: LearnSettings, seed: int) -> None:
+    def __init__(self, model: HybridMDP, settings: LearnSettings, seed: int) -> None:
         self.model = model
         self.graph = model.tasks or landmark_tasks(model, settings.primitives)
         self.progress = fresh_progress(settings.episodes, seed)
@@ -178,7 +186,7 @@ class MaxqLearner:
             stack.append(child - graph.n_actions)
 
 
-def landmark_tasks(model: HybridMDP, primitives: bool = True) -> TaskGraph:
+def landmark_tasks(model: HybridMDP, primitives: bool = False) -> TaskGraph:
     """The task graph of a model's landmarks; a task that fails is paid less than anything else could cost it."""
     ways, failing = LandmarkWays.of(model), 0.0
     lost = (ways.steps < 0) & ~np.repeat(ways.terminal, ways.options_of)

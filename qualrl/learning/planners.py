@@ -200,7 +200,7 @@ def relevant_regions(model: HybridMDP) -> NDArray[np.bool_]:
         return np.ones(len(model.region_names), np.bool_)
     names = model.region_names
     first, last = names[model.region_of[model.start]], names[model.region_of[model.world.goal]]
-    doorways = nx.MultiGraph(model.graph.to_undirected())
+    doorways: nx.MultiGraph[str] = nx.MultiGraph(model.graph.to_undirected())
     doorways.add_edge(first, last)  # what lies on such a way is on a closed one with this edge, hence behind no bridge
     doorways.remove_edges_from(list(cast(Any, nx.bridges)(doorways)))
     passed = nx.node_connected_component(doorways, first)

@@ -24,7 +24,8 @@ class LearnSettings:
     alpha: float | str = 0.1
     """Learning rate: a number in (0, 1], which keeps learning for ever but breaks Theorem 2, or a formula in k.
 
-    k = 0, 1, ... counts the updates of each state and action, as Theorem 2 asks: ``"1/(1+k)**0.6"``.
+    k = 0, 1, ... counts the updates of each state and action, as Theorem 2 asks: ``"1/(1+k)**0.6"``; of each value
+    where a learner has others.
     """
     epsilon: float = 0.1
     """Probability of a random action, in [0, 1]."""

@@ -59,10 +59,11 @@ class KeptNames:
         """(cells shared, name now, name before) of regions of a kind."""
         for kind, painted in self._regions.items():
             both = (found.label >= 0) & (painted >= 0)
-            pairs, cells = np.unique(np.stack([found.label[both], painted[both]]), axis=1, return_counts=True)
-            for now, old, shared in zip(*pairs.tolist(), cells.tolist(), strict=True):
+            cells = np.bincount(found.label[both].astype(np.int64) * len(self._names) + painted[both])
+            for pair in np.flatnonzero(cells).tolist():
+                now, old = divmod(pair, len(self._names))
                 if _kind(found.region_names[now]) == kind:
-                    yield shared, found.region_names[now], self._names[old]
+                    yield int(cells[pair]), found.region_names[now], self._names[old]
 
     def _marks_shared(self, found: RegionMap) -> Iterator[tuple[int, str, str]]:
         for mark in found.landmarks:

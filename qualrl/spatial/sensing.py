@@ -5,7 +5,6 @@ H, W: rows, columns of the true map.  Cells keep their places: what is not seen 
 
 import math
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,30 +30,16 @@ class KnownMap:
         self.seen = np.zeros(truth.shape, np.bool_)
         """(H, W)"""
         self._looked = np.zeros(truth.shape, np.bool_)
+        self._edge, self._edges = np.empty(truth.free.size, np.int64), 0
+        self._follow = np.zeros(4 * (2 * math.ceil(self.radius) + 1), np.bool_)
 
     def look_from(self, places: NDArray[np.bool_]) -> None:
-        """Look around at each of the (H, W) places; where it looked before, nothing new is to be seen.
-
-        Nor is it from places too far from any cell where a ray could go on into what was not seen yet.
-        """
-        new = places & ~self._looked
+        """Look around at each of the (H, W) places; where it looked before, nothing new is to be seen."""
+        new = np.argwhere(places & ~self._looked)
         self._looked |= places
-        if self.seen.any():
-            to_edge = cv2.distanceTransform((~self._edge()).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-            new &= (to_edge <= self.radius + 1) | ~self.seen
-        kernel.look(self.truth.free, np.argwhere(new), math.ceil(self.radius), self.radius, self.seen)
-
-    def _edge(self) -> NDArray[np.bool_]:
-        """(H, W) cells known to be free, beside an unseen one or corner to corner with one that is not hidden there."""
-        edge = self.frontier
-        unseen, free = np.pad(~self.seen, 1), np.pad(self.free, 1)
-        height, width = edge.shape
-        for down in (0, 2):
-            for right in (0, 2):
-                corner = unseen[down : down + height, right : right + width]
-                beside = free[down : down + height, 1:-1] | free[1:-1, right : right + width]
-                edge |= self.free & corner & beside
-        return edge
+        self._edges = kernel.look(
+            self.truth.free, new, math.ceil(self.radius), self.radius, self.seen, self._edge, self._edges, self._follow
+        )
 
     @property
     def free(self) -> NDArray[np.bool_]:

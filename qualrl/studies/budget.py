@@ -19,6 +19,8 @@ from qualrl.studies.measures import Measure
 from qualrl.studies.running import Cell, Measured, Runs, learn_settings, over_threads
 from qualrl.studies.settings import Budget, StudySettings
 
+QUICK = 1000
+"""Steps that stand for an episode where a study is asked for a quick look of so many episodes."""
 SLICE = 5_000_000
 """Steps of one call of a compiled loop, so that Ctrl-C is heard."""
 
@@ -70,14 +72,13 @@ def run_budget(
     course: Course,
     *,
     seeds: int,
-    episodes: int | None = None,
     threads: int | None = None,
     watch: Callable[[int], None] | None = None,
 ) -> list[Runs]:
-    """Run every cell with seeds 0, 1, ...; episodes: the most that each makes, for a quick look."""
+    """Run every cell with seeds 0, 1, ...; ``watch`` is told how many runs are done."""
     budget = settings.budget
     assert budget is not None
-    most = episodes or min(MOST_EPISODES, budget.steps)
+    most = min(MOST_EPISODES, budget.steps)
     looks = looks_at(budget)
 
     def started(cell: Cell, seed: int) -> tuple[HybridMDP, Learner]:
@@ -96,9 +97,7 @@ def run_budget(
     return over_threads(one, cells, seeds, threads, watch)
 
 
-def _watched(
-    learner: Learner, looks: NDArray[np.int64], look: Callable[[], Look]
-) -> tuple[list[Look], list[float]]:
+def _watched(learner: Learner, looks: NDArray[np.int64], look: Callable[[], Look]) -> tuple[list[Look], list[float]]:
     """What was seen at each look, and the processor seconds of learning until then."""
     seen, seconds, made, spent = list[Look](), list[float](), 0, 0.0
     for point in looks.tolist():

@@ -74,7 +74,7 @@ def cells_of(settings: StudySettings) -> list[Cell]:
 
 def _cell(plain: Cell, chosen: Chosen) -> Cell:
     """A cell with a reading's settings; those that cells have fields for go there."""
-    own = {name: chosen[name] for name in ("alpha", "epsilon", "gamma") if name in chosen}
+    own: Chosen = {name: chosen[name] for name in ("alpha", "epsilon", "gamma") if name in chosen}
     rest = tuple((name, value) for name, value in chosen.items() if name not in own)
     return replace(plain, chosen=rest, **dict[str, Any](own))
 

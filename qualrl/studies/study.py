@@ -12,7 +12,7 @@ from qualrl.io.bundled import bundled_folder
 from qualrl.io.scenario import load_scenario
 from qualrl.learning.rules import RULES
 from qualrl.models.hybrid_mdp import HybridMDP
-from qualrl.studies.budget import Course, run_budget
+from qualrl.studies.budget import QUICK, Course, run_budget
 from qualrl.studies.claims import (
     NOT_MEASURED,
     Alike,
@@ -89,14 +89,12 @@ def run_study(
 ) -> Study:
     """Run, measure and judge.  ``watch`` is told how many runs are done.
 
-    episodes: instead of the study's; of runs on a budget of steps, the most they make.
+    episodes: instead of the study's, for a quick look; see ``budget.QUICK`` for runs on a budget of steps.
     """
     begun = time.perf_counter()
-    settings = study.settings
+    settings = study.settings if episodes is None else _shortened(study.settings, episodes)
     if study.course is not None:
-        found = run_budget(
-            settings, study.cells, study.course, seeds=study.seeds, episodes=episodes, threads=threads, watch=watch
-        )
+        found = run_budget(settings, study.cells, study.course, seeds=study.seeds, threads=threads, watch=watch)
     else:
         mazes = {} if settings.law is None else corridor_mazes(settings)
         if settings.series:
@@ -114,6 +112,14 @@ def run_study(
         study.name, settings, study.seeds, episodes or settings.episodes, runs, claims, [*settings.notes, *notes],
         time.perf_counter() - begun, fitted, study.course,
     )  # fmt: skip
+
+
+def _shortened(settings: StudySettings, episodes: int) -> StudySettings:
+    """Settings with a smaller budget, if they have one."""
+    if settings.budget is None:
+        return settings
+    budget = settings.budget.model_copy(update={"steps": min(settings.budget.steps, episodes * QUICK)})
+    return settings.model_copy(update={"budget": budget})
 
 
 @cache

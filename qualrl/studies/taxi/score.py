@@ -75,7 +75,7 @@ class TaxiCourse:
 def greedy_actions(learned: Learned) -> Actions:
     """(S,) the best action of each state; the first of several."""
     values = learned.q if learned.shifted_q is None else learned.shifted_q
-    return values.argmax(axis=1).astype(np.int8)
+    return np.asarray(values.argmax(axis=1), np.int8)
 
 
 def mean_return(table: TabularMDP, actions: Actions, starts: States) -> float:
