@@ -407,18 +407,22 @@ def best_of_agents(marks, chance, reward, gamma, worst=None):
     return settled(backed_up, {(o, s): np.zeros(moves) for s in range(n) for o in homes[s]})
 
 
-def best_switch(marks, chance, reward, gamma, primitives):
-    """{(s, choice): value} of obeying sub-agents, who do what is best for their own tasks, or making a move."""
+def best_switch(marks, chance, reward, gamma, primitives, of_ties=max):
+    """{(s, choice): value} of obeying sub-agents, who do what is best for their own tasks, or making a move.
+
+    of_ties: max or min of what moves are worth that are as good for a sub-agent.
+    """
     choices = marks.choices(primitives)
-    wishes = {key: int(values.argmax()) for key, values in best_of_agents(marks, chance, reward, gamma).items()}
-    move = {(s, c): wishes[c, s] if isinstance(c, tuple) else c for s, found in enumerate(choices) for c in found}
+    moves = {(s, a): [a] for s, found in enumerate(choices) for a in found if isinstance(a, int)}
+    for (option, s), own in best_of_agents(marks, chance, reward, gamma).items():
+        moves[s, option] = np.flatnonzero(own > own.max() - 1e-9)
 
     def backed_up(values):
         best = np.array([max((values[s, c] for c in found), default=0.0) for s, found in enumerate(choices)])
         worth = reward + gamma * chance @ best
-        return {(s, c): worth[s, a] for (s, c), a in move.items()}
+        return {(s, c): of_ties(worth[s, tied]) for (s, c), tied in moves.items()}
 
-    return settled(backed_up, dict.fromkeys(move, 0.0))
+    return settled(backed_up, dict.fromkeys(moves, 0.0))
 
 
 def recursive_optimum(tasks, chance, reward, gamma, epsilon=0.0, name="root"):

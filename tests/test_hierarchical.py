@@ -503,6 +503,20 @@ def test_under_slip_sub_agents_tend_to_the_optimum_of_their_own_tasks(algorithm)
     assert late < min(bound, early / 4)
 
 
+def test_a_switch_settles_only_between_what_the_moves_are_worth_that_tie_for_a_sub_agent():
+    """Two ways as short to a landmark, of which one goes past a better place to change one's mind."""
+    model = model_of(np.ones((5, 7), bool), (3, 6), {(2, 2): (0, 1), (4, 3): (0, 1)})
+    _, likely, terminal = stepper(model)
+    marks = twins.Landmarks(model, likely, terminal)
+    low, high = (twins.best_switch(marks, *dense(model), 0.9, False, of_ties) for of_ties in (min, max))
+    assert max(high[key] - low[key] for key in low) > 15
+    learner = start_learner(model, "switch", LearnSettings(episodes=10**6, alpha=SLOWING, epsilon=0.5), 0)
+    learner.advance(2_000_000)
+    for s in range(len(model)):
+        for choice, value in top_values(learner, marks, s).items():
+            assert low[s, choice] - 0.2 < value < high[s, choice] + 0.2
+
+
 def root_values(learner, marks):
     """{(s, call): V + C} of the root of maxq-q between landmarks."""
     graph, calls = learner.graph, [*range(4), "root", *marks.options]
@@ -541,7 +555,7 @@ def test_under_slip_maxq_tends_to_the_recursive_optimum_as_exploring_fades(primi
         model, "maxq-q", LearnSettings(episodes=10**6, alpha="1/(1+k)**0.6", primitives=primitives), 0
     )
     errors = []
-    for halved in range(7):
+    for halved in range(8):
         learner._rates = learner._rates._replace(epsilon=0.5 / 2**halved)
         learner.advance(50_000 * 2**halved)
         errors.append(np.abs(best_of(root_values(learner, marks), len(model)) - wanted).max())

@@ -29,8 +29,8 @@ fades or is rare.  With a constant epsilon, values tend elsewhere, even with a f
 the optimum: V(j, s) counts on the best way, and C(i, s, j) is an average over all the ways that were taken.  A task
 that may end in a bad place needs a pseudo-reward.
 
-What switch asks for: where two moves are as good for a sub-agent, it makes now the one and now the other, and what
-obeying it is worth does not settle.
+What switch does not promise: where two moves are as good for a sub-agent, it makes now the one and now the other, and
+what obeying it is worth may come to lie anywhere between what the two are worth.
 
 What w-learning does not promise: each Q_i tends to the optimum of its own task, but which of them wins is a
 compromise.  In a world without slip what an agent minds is proportional to gamma to the length of the way by its

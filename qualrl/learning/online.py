@@ -41,13 +41,14 @@ class Online:
     """How far it sees, all around."""
     growth: float = 0.1
     """Regions are found anew when the known free space has grown by this share since, or when the goal is seen."""
-    every: int = 1000
-    """It looks around after so many steps, and after twice as many each time that nothing new was seen."""
+    every: int | None = None
+    """It looks around after so many steps, and after twice as many each time that nothing new was seen; None = a
+    hundredth of the map's free cells, but from 10 to 1000."""
 
     def __post_init__(self) -> None:
         if not self.growth > 0:
             raise SettingError(f"growth must be above 0, got {self.growth}")
-        if not self.every >= 1:
+        if self.every is not None and not self.every >= 1:
             raise SettingError(f"every must be at least 1, got {self.every}")
 
 
@@ -69,11 +70,13 @@ def train_online(
     learner = start_learner(explorer.model, algorithm, settings, seed)
     if not isinstance(learner, Exploring):
         raise SettingError(f"{algorithm} walks by ways found on the map, so it cannot do without one")
-    runner, wait = Runner(learner, watch), online.every
+    every = int(np.clip(len(model) // 100, 10, 1000)) if online.every is None else online.every
+    runner, wait = Runner(learner, watch), every
     while runner.episode < settings.episodes:
         runner.steps(wait)
         saw = explorer.look_around(learner.visited())
-        wait = online.every if saw else min(2 * wait, explorer.longest_wait)
+        longest = MOST_WAITS * every if explorer.has_more else NO_LIMIT
+        wait = every if saw else min(2 * wait, longest)
         if explorer.is_due(finished=runner.episode >= settings.episodes):
             explorer.find_anew(runner.total, runner.episode)
             learner.change_levels(explorer.model)
@@ -131,9 +134,9 @@ class _Explorer:
         return Growth(tuple(self._stages), len(self._truth), self._regions, tuple(shown))
 
     @property
-    def longest_wait(self) -> int:
-        """Most steps between two looks."""
-        return MOST_WAITS * self._online.every if self._known.frontier.any() else NO_LIMIT
+    def has_more(self) -> bool:
+        """Whether there may be more to see."""
+        return bool(self._known.frontier.any())
 
     @property
     def _free_cells(self) -> int:
