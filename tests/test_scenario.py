@@ -48,7 +48,7 @@ def test_all_but_map_and_goal_has_a_default(write: Any) -> None:
     assert (scenario.motion.directions, scenario.motion.slip) == (4, 0.0)
     assert (scenario.reward.step, scenario.reward.goal) == (-1.0, 100.0)
     learn = scenario.learn
-    assert (learn.algorithm, learn.episodes, learn.gamma, learn.alpha) == ("hql", 2000, 0.99, 0.1)
+    assert (learn.algorithm, learn.episodes, learn.gamma, learn.alpha) == ("hql-replay", 2000, 0.99, 0.1)
     assert (learn.epsilon, learn.max_steps, learn.eta0, learn.eta_power) == (0.1, None, 0.1, 1.2)
     assert (learn.eta_counter, scenario.segment.min_area_m2, scenario.made_with) == ("run", None, None)
 

@@ -186,7 +186,9 @@ def _promises(model: HybridMDP, shift: float) -> tuple[float, float]:
         on_the_way = float(world.reward[live & ~ends].max(initial=world.reward.min()))
         at_the_end = float(world.reward[ends].max(initial=world.reward.min()))
     most = max(at_the_end, on_the_way / (1 - world.gamma))  # at once, or never: between them the worth is monotone
-    return most + shift, on_the_way + shift * (1 - world.gamma)
+    added = shift * (1 - world.gamma)
+    best_step = on_the_way + added
+    return most + shift, 0.0 if abs(best_step) <= NOTHING * added else best_step
 
 
 def relevant_regions(model: HybridMDP) -> NDArray[np.bool_]:
