@@ -255,3 +255,33 @@ def test_settings_reach_the_planners():
     levels = start_learner(model, "hql-replay", LearnSettings(tries=4, planning_steps=9), 0)._levels
     assert (levels.tries, levels.steps) == (4, 9)
     assert start_learner(model, "hql-replay", LearnSettings(), 0)._rates.max_steps == NO_LIMIT
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_gamma_fades_long_before_the_search_ends(seed):
+    """At gamma 0.9 a goal 500 cells off is worth 1e-21; neither values nor the search for it may round that to 0."""
+    free = np.zeros((3, 1003), bool)
+    free[1, 1:-1] = True
+    regions = qualrl.segment(qualrl.OccupancyGrid.from_free(free, 1.0))
+    model = qualrl.build(regions, [1, 1001], start=[1, 501], gamma=0.9)
+    run = train(model, "hql-replay", LearnSettings(episodes=3, epsilon=0.0, max_steps=30_000), seed)
+    assert run.greedy_steps == 500
+    assert run.steps[-1] == 500
+
+
+def test_a_robot_that_strays_into_a_side_room_finds_the_way_back():
+    """A wide door leads from the corridor into a room that no way to the goal passes: it must not be searched."""
+    free = np.zeros((36, 62), bool)
+    free[1:5, 1:-1] = True
+    free[6:-1, 10:50] = True
+    free[5, 27:31] = True
+    regions = qualrl.segment(qualrl.OccupancyGrid.from_free(free, 0.1), min_area_m2=0.5)
+    model = qualrl.build(regions, [2, 60], start=[2, 1], gamma=0.99)
+    room = model.region_of[model.grid.state_of[20, 30]]
+    assert not relevant_regions(model)[room]
+    for seed in range(100):
+        learner = start_learner(model, "hql-replay", LearnSettings(episodes=1, epsilon=0.3), seed)
+        learner.advance(100_000)
+        seen = (learner._seen.tries.reshape(len(model), -1) > 0).any(axis=1)
+        assert learner.progress.steps[0] > 0
+        assert seen[model.region_of == room].mean() < 0.05

@@ -222,7 +222,8 @@ def test_settings_from_the_command_line() -> None:
         ),
         (
             ["learn.alpha.x=1"],
-            "--set learn.alpha.x: learn.alpha: must be a number above 0 and at most 1, or a formula in k, got a mapping of 1 keys",
+            "--set learn.alpha.x: learn.alpha: must be a number above 0 and at most 1, or a formula in k, "
+            "got a mapping of 1 keys",
         ),
         (["learn"], "--set learn: expected KEY=VALUE, for example learn.alpha=0.1"),
         (["=3"], "--set =3: expected KEY=VALUE, for example learn.alpha=0.1"),

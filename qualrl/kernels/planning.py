@@ -260,6 +260,8 @@ def run_planning(
             if s2 == came_from and s2 != s:
                 levels.undoes[came_by * uint64(n_actions) + a] += 1
             came_from, came_by = s, a
+            if levels.since[s] == 0:
+                levels.since[s] = clock
             if seen.tries[row + a] <= needed:  # there may be more to see from here
                 patience = 1
             known = backed_up(grid, slip, table, seen, value, row + a, a, gamma, n_actions)

@@ -18,6 +18,7 @@ from qualrl.kernels.stepping import Floats, below, largest
 
 # Slots of Levels.notes
 STAMP, WAITING, NOTES = range(3)
+NEVER = 2**60
 
 
 class Levels(NamedTuple):
@@ -40,6 +41,8 @@ class Levels(NamedTuple):
     """(S,)"""
     due: Floats
     """(R,) largest change that waits in each region."""
+    since: NDArray[np.int64]
+    """(S,) step at which a state was first left, 0 for never."""
     mark: NDArray[np.int64]
     """(S,) number of the last search that came by."""
     queue: NDArray[np.uint32]
@@ -190,7 +193,8 @@ def search(
     """Look, breadth first over moves that were seen, for the nearest state with something worth trying.
 
     Writes the way there into ``levels.path``; returns (its length, how many states were looked at).  The length
-    is 0 where nothing found could beat what is known.  Where nothing is known, anything untried will do.
+    is 0 where nothing found could beat what is known.  Where nothing is known, anything untried will do: in the same
+    region what was passed by first, for a robot that strayed there finds out again where it came in.
     """
     notes = levels.notes
     notes[STAMP] += 1
@@ -198,7 +202,7 @@ def search(
     levels.queue[0] = s
     head, n, layer_end = 0, 1, 1
     gained, discount = 0.0, 1.0
-    anything = s
+    anything, first_seen = s, NEVER + NEVER
     while head < n:
         if head == layer_end:
             gained += discount * levels.best_step
@@ -211,8 +215,11 @@ def search(
         if untried(seen.tries, needed, x, uint64(0), n_actions) >= 0:
             if levels.relevant[levels.region_of[x]]:
                 return _lay_path(levels, s, x, n_actions), n
-            if anything == s:
-                anything = x
+            since = levels.since[x] if levels.since[x] > 0 else NEVER
+            if levels.region_of[x] != levels.region_of[s]:
+                since = NEVER + NEVER - 1
+            if since < first_seen:
+                anything, first_seen = x, since
         for a in range(n_actions):
             row = x * uint64(n_actions) + uint64(a)
             if seen.tries[row] > 0:

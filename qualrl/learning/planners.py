@@ -165,8 +165,8 @@ def _levels(model: HybridMDP, settings: LearnSettings, shift: float) -> replay.L
     return replay.Levels(
         model.region_of, model.landmarks.landmark_of, relevant_regions(model), np.zeros(n_states, np.uint32),
         ring_start, np.zeros(n_regions, np.int64), np.zeros(n_regions, np.int64), np.zeros(n_states, np.bool_),
-        np.zeros(n_regions), np.zeros(n_states, np.int64), np.zeros(n_states, np.uint32),
-        np.zeros(n_states, np.uint32), np.zeros(n_states, np.uint32),
+        np.zeros(n_regions), np.zeros(n_states, np.int64), np.zeros(n_states, np.int64),
+        np.zeros(n_states, np.uint32), np.zeros(n_states, np.uint32), np.zeros(n_states, np.uint32),
         np.zeros(model.world.n_actions**2, np.int64), np.zeros(replay.NOTES, np.int64),
         promise, best_step, settings.tries, settings.planning_steps,
     )  # fmt: skip

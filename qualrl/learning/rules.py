@@ -69,7 +69,6 @@ class LearningRule:
     hierarchy: Hierarchy | None = None
     """What a learner of ``Loop.TASKS`` has between the top choice and a move."""
 
-
     @property
     def averages(self) -> bool:
         """Whether it keeps counts of outcomes, whose means need no learning rate."""
