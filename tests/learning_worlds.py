@@ -1,5 +1,6 @@
 """Worlds that compiled learners and their textbook twins both take, and hypothesis strategies for random tables."""
 
+import numba
 import numpy as np
 from hypothesis import strategies as st
 
@@ -9,6 +10,11 @@ from qualrl.models.tabular_mdp import TabularMDP
 from tests import oracles
 from tests.oracles_learning import DenseMDP
 from tests.worlds import PUZZLE, grid_of
+
+
+def from_python(part):
+    """A part of a compiled loop, which has no way in from Python, with one."""
+    return numba.njit(part.py_func)
 
 
 def rooms(text: str = PUZZLE, goal=(6, 6), start=(11, 1), slip=0.0, gamma=0.9, directions=4) -> HybridMDP:

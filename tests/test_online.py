@@ -23,6 +23,7 @@ from qualrl.models.landmarks import landmark_level
 from qualrl.spatial.growing import KeptNames
 from qualrl.spatial.segmentation import segment
 from qualrl.spatial.sensing import KnownMap
+from tests.learning_worlds import from_python
 from tests.test_commands import draw, qualrl
 from tests.worlds import grid_of
 
@@ -137,9 +138,10 @@ def test_arcs_between_landmarks_that_stayed_keep_their_values():
 def test_states_that_wait_for_a_replay_wait_on_in_their_new_regions():
     model = five_rooms()
     levels = PlanningLearner(model, rule_named("hql-replay"), LearnSettings(), 0)._levels
+    wait = from_python(replay.wait)
     waiting = [5, 90, 33, 200, 34]
     for state in waiting:
-        replay.wait(levels, np.uint64(state), 1.0)
+        wait(levels, np.uint64(state), 1.0)
     region_of = (np.arange(len(model)) % 3).astype(np.int32)
     change = np.arange(len(model)) / 1000
     anew = regions_anew(levels, region_of, model.landmarks.landmark_of, np.ones(3, bool), change)

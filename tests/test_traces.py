@@ -10,7 +10,7 @@ from qualrl.learning.schedule import schedule_of
 from qualrl.learning.settings import LearnSettings
 from qualrl.learning.trainer import start_learner, train
 from tests import oracles, oracles_learning
-from tests.learning_worlds import World, random_table, rooms, table_model, table_models
+from tests.learning_worlds import World, from_python, random_table, rooms, table_model, table_models
 
 RATES = {
     0.2: lambda k: 0.2,
@@ -146,8 +146,9 @@ def test_q_learning_by_a_formula_counts_the_updates_of_each_action(alpha, where)
 def test_the_kernel_reads_the_table_of_rates_where_the_schedule_says():
     schedule = schedule_of("1/(1+k)**0.7")
     table = schedule.table()
+    rate_at = from_python(stepping.rate_at)
     chance = np.random.default_rng(0)
     ks = [0, 1, stepping.EXACT - 1, stepping.EXACT, stepping.EXACT + 1, 2**32 - 1, 2**40, 2**50]
     for k in ks + np.exp(chance.uniform(0, 30, 2000)).astype(np.int64).tolist():
-        assert stepping.rate_at(table, k) == table[schedule.index_of(k)]
-    assert stepping.rate_at(np.array([0.25]), 10**9) == 0.25
+        assert rate_at(table, k) == table[schedule.index_of(k)]
+    assert rate_at(np.array([0.25]), 10**9) == 0.25

@@ -11,7 +11,7 @@ import numpy as np
 from numba import uint64
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled_bare
+from qualrl.kernels.jit import compiled_part
 from qualrl.kernels.stepping import Floats, largest
 
 
@@ -36,7 +36,7 @@ class Experience(NamedTuple):
     """(K,) row of each outcome of a table; (1,) and unused on grids."""
 
 
-@compiled_bare
+@compiled_part
 def remember(grid: Any, slip: Any, table: Any, seen: Any, row: Any, outcome: Any, s2: Any, n_actions: Any) -> Any:
     """Count an outcome.
 
@@ -59,7 +59,7 @@ def remember(grid: Any, slip: Any, table: Any, seen: Any, row: Any, outcome: Any
     return differs, changed
 
 
-@compiled_bare
+@compiled_part
 def row_of_outcome(grid: Any, slip: Any, table: Any, seen: Any, outcome: Any, n_actions: Any) -> Any:
     """The row that an outcome belongs to."""
     row = uint64(outcome)
@@ -70,7 +70,7 @@ def row_of_outcome(grid: Any, slip: Any, table: Any, seen: Any, outcome: Any, n_
     return row
 
 
-@compiled_bare
+@compiled_part
 def share(grid: Any, slip: Any, table: Any, seen: Any, outcome: Any, row: Any) -> Any:
     """How often an outcome happened among the tries of its row; 0 where it was never tried."""
     if seen.tries[row] == 0:
@@ -83,7 +83,7 @@ def share(grid: Any, slip: Any, table: Any, seen: Any, outcome: Any, row: Any) -
     return happened
 
 
-@compiled_bare
+@compiled_part
 def backed_up(
     grid: Any, slip: Any, table: Any, seen: Any, value: Any, row: Any, a: Any, gamma: Any, n_actions: Any
 ) -> Any:
@@ -112,7 +112,7 @@ def backed_up(
     return total
 
 
-@compiled_bare
+@compiled_part
 def likeliest(grid: Any, slip: Any, table: Any, seen: Any, row: Any, a: Any, n_actions: Any) -> Any:
     """The state that a row which was tried has led to most often."""
     if grid is not None:
@@ -133,7 +133,7 @@ def likeliest(grid: Any, slip: Any, table: Any, seen: Any, row: Any, a: Any, n_a
     return s2
 
 
-@compiled_bare
+@compiled_part
 def refreshed(
     grid: Any, slip: Any, table: Any, seen: Any, q: Any, value: Any, s: Any, gamma: Any, n_actions: Any
 ) -> Any:

@@ -13,10 +13,15 @@ from numba import njit
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
+# Options of numba's own, which njit passes on but does not declare
+UNCOUNTED: dict[str, Any] = {"_nrt": False}
+NOT_FROM_C: dict[str, Any] = {"no_cfunc_wrapper": True}
+NOT_FROM_PYTHON: dict[str, Any] = {"no_cpython_wrapper": True}
+
 
 def compiled(function: Function) -> Function:
     """Compile with numba: cached on disk, and the interpreter lock released while it runs."""
-    return cast(Function, njit(cache=True, nogil=True)(function))
+    return cast(Function, njit(cache=True, nogil=True, **NOT_FROM_C)(function))
 
 
 def compiled_bare(function: Function) -> Function:
@@ -25,8 +30,15 @@ def compiled_bare(function: Function) -> Function:
     Counting costs an atomic operation for each array that a function takes out of a tuple, up to ten times the loop
     itself where parts are called at every step.
     """
-    bare: Any = {"_nrt": False}
-    return cast(Function, njit(cache=True, nogil=True, **bare)(function))
+    return cast(Function, njit(cache=True, nogil=True, **UNCOUNTED, **NOT_FROM_C)(function))
+
+
+def compiled_part(function: Function) -> Function:
+    """The same for a part that only compiled loops call; a call from Python would crash, but ``part.py_func`` runs.
+
+    The way in from Python takes tuples of arrays apart, which is half of what a small part costs to compile.
+    """
+    return cast(Function, njit(nogil=True, **UNCOUNTED, **NOT_FROM_C, **NOT_FROM_PYTHON)(function))
 
 
 def forget_stale(folder: Path) -> None:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled
+from qualrl.kernels.jit import compiled, compiled_part
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -64,7 +64,7 @@ class Links(NamedTuple):
     """(2E,)"""
 
 
-@compiled
+@compiled_part
 def _find(parent: Ints, item: int) -> int:
     """The root of an item's set; the paths passed are halved on the way."""
     while parent[item] != item:
@@ -73,7 +73,7 @@ def _find(parent: Ints, item: int) -> int:
     return item
 
 
-@compiled
+@compiled_part
 def _beside(cell: int, side: int, height: int, width: int) -> int:
     """Flat index of the cell north, west, east or south (side 0 to 3) of a cell, -1 off the map."""
     column = cell % width
@@ -238,7 +238,7 @@ def linked(zones: int, contacts: Contacts) -> Links:
     return Links(first, last, following, target, length, way)
 
 
-@compiled
+@compiled_part
 def _tidy(zone: int, parent: Ints, links: Links, seen: Ints) -> None:
     """Leave a zone one half-edge for each neighbour, and none to itself.  seen (Z,) is scratch, all -1."""
     half, kept = links.first[zone], -1
@@ -268,7 +268,7 @@ def _tidy(zone: int, parent: Ints, links: Links, seen: Ints) -> None:
         half = links.following[half]
 
 
-@compiled
+@compiled_part
 def _host(zone: int, area: Floats, breadth: Floats, links: Links, rules: Rules) -> int:
     """Of the neighbours that a zone is one place with, the one it touches most; -1 for none."""
     host, touch = -1, np.float32(0.0)
@@ -294,7 +294,10 @@ def flood(label: Ints, mask: Flags, level: Ints) -> Ints:
     """
     height, width = label.shape
     result, inside, level_of = label.copy().ravel(), mask.ravel(), level.ravel()
-    head = np.full(int(level_of.max()) + 1, -1, np.int32)
+    top = 0
+    for cell in range(result.size):
+        top = max(top, level_of[cell])
+    head = np.full(top + 1, -1, np.int32)
     tail = head.copy()
     following = np.full(result.size, -1, np.int32)
     for cell in range(result.size):
@@ -305,7 +308,6 @@ def flood(label: Ints, mask: Flags, level: Ints) -> Ints:
             if other >= 0 and inside[other] and result[other] < 0:
                 _enqueue(cell, level_of[cell], head, tail, following)
                 break
-    top = head.size - 1
     while top >= 0:
         cell = head[top]
         if cell < 0:
@@ -320,7 +322,7 @@ def flood(label: Ints, mask: Flags, level: Ints) -> Ints:
     return result.reshape(height, width)
 
 
-@compiled
+@compiled_part
 def _enqueue(cell: int, level: int, head: Ints, tail: Ints, following: Ints) -> None:
     """Put a cell at the end of its level's queue."""
     following[cell] = -1
@@ -338,10 +340,11 @@ def steps_from(label: Ints, start: Ints) -> Ints:
     flat = label.ravel()
     steps = np.full(flat.size, -1, np.int32)
     queue = np.empty(flat.size, np.int32)
-    count = start.size
-    queue[:count] = start
+    count = 0
     for cell in start:
         steps[cell] = 0
+        queue[count] = cell
+        count += 1
     done = 0
     while done < count:
         cell = queue[done]

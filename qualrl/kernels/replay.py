@@ -2,23 +2,27 @@
 
 S states, A actions, R regions.  Values are shifted so that the lowest possible one is 0: an action never tried
 keeps 0, so what is known grows outward from the goal, and a change is passed on to those states only that it
-changes.  Where to look for something new is decided apart from the values: the nearest action that was tried too
-seldom, in a region that a way to the goal may pass, as long as the best it could bring beats what is known.
+changes.  Where to look for something new is decided apart from the values: see ``exploring``.
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import int64, uint64
+from numba import uint64
 from numpy.typing import NDArray
 
-from qualrl.kernels.experience import backed_up, likeliest, row_of_outcome
-from qualrl.kernels.jit import compiled_bare
-from qualrl.kernels.stepping import Floats, below, largest
+from qualrl.kernels.experience import backed_up, row_of_outcome
+from qualrl.kernels.jit import compiled_part
+from qualrl.kernels.stepping import Floats, largest
 
-# Slots of Levels.notes
-STAMP, WAITING, NOTES = range(3)
-NEVER = 2**60
+# Slots of Levels.notes and of Levels.budget
+STAMP, WAITING, PATH_LEFT, RETRY_AT, CLOCK, NEEDED, PATIENCE, CAME_FROM, CAME_BY, NOTES = range(10)
+CREDIT, LET_GO, BUDGET = range(3)
+TOLERANCE = 1e-10
+"""Relative change of a value that is not passed on, as long as no move was seen to slip."""
+SLIPPERY_TOLERANCE = 0.01
+"""The same once moves slip, times 1 - gamma: the error left is a share of the value that falls as 1 / sqrt(steps),
+as that of the frequencies does, only smaller."""
 
 
 class Levels(NamedTuple):
@@ -54,6 +58,9 @@ class Levels(NamedTuple):
     undoes: NDArray[np.int64]
     """(A * A,) how often action b led back right after action a: at a * A + b."""
     notes: NDArray[np.int64]
+    """(NOTES,) numbers of the search and of the step, see above."""
+    budget: Floats
+    """(BUDGET,) backups saved up, and the relative change that is let go."""
     promise: float
     """The most that an action can be worth, shifted."""
     best_step: float
@@ -64,7 +71,7 @@ class Levels(NamedTuple):
     """Backups a step, on average."""
 
 
-@compiled_bare
+@compiled_part
 def wait(levels: Any, s: Any, change: Any) -> Any:
     """Let a state whose value is to change by so much wait for the replay of its region."""
     region = levels.region_of[s]
@@ -80,7 +87,7 @@ def wait(levels: Any, s: Any, change: Any) -> Any:
     levels.notes[WAITING] += 1
 
 
-@compiled_bare
+@compiled_part
 def to_change(q: Any, value: Any, s: Any, tolerance: Any, n_actions: Any) -> Any:
     """By how much the value of a state is to change to be the largest of its q; 0 if by next to nothing."""
     best = largest(q, s * uint64(n_actions), n_actions)
@@ -88,32 +95,68 @@ def to_change(q: Any, value: Any, s: Any, tolerance: Any, n_actions: Any) -> Any
     return change if change > tolerance * max(abs(best), abs(value[s])) else 0.0
 
 
-@compiled_bare
-def replay(
-    grid: Any, slip: Any, table: Any, seen: Any, levels: Any, tolerance: Any, gamma: Any, q: Any, value: Any,
-    credit: Any, n_actions: Any,
+@compiled_part
+def take_in(
+    grid: Any, slip: Any, table: Any, seen: Any, levels: Any, gamma: Any, q: Any, value: Any, s: Any, a: Any, s2: Any,
+    over: Any, differs: Any, changed: Any, n_actions: Any,
 ) -> Any:  # fmt: skip
-    """Replay the regions in which something waits, the largest change first.  Returns the backups left over."""
-    while credit > 0 and levels.notes[WAITING] > 0:
+    """Back up what was just seen, and at a qualitative transition replay what it changes.
+
+    differs, changed: see ``experience.remember``.
+    """
+    notes, budget = levels.notes, levels.budget
+    row = s * uint64(n_actions) + a
+    if differs:
+        notes[NEEDED] = levels.tries
+    if levels.since[s] == 0:
+        levels.since[s] = notes[CLOCK]
+    if seen.tries[row] <= notes[NEEDED]:  # there may be more to see from here
+        notes[PATIENCE] = 1
+    known = backed_up(grid, slip, table, seen, value, row, a, gamma, n_actions)
+    if known != q[row]:
+        q[row] = known
+        if notes[NEEDED] > 1:
+            budget[LET_GO] = (1.0 - gamma) * SLIPPERY_TOLERANCE / np.sqrt(1.0 + notes[CLOCK] / 1000.0)
+        change = to_change(q, value, s, budget[LET_GO], n_actions)
+        if change > 0:
+            wait(levels, s, change)
+    if changed:
+        notes[RETRY_AT], notes[PATIENCE] = 0, 1
+        if slip is None:
+            start_over(grid, slip, table, seen, levels, gamma, q, value, n_actions)
+    budget[CREDIT] += levels.steps
+    if notes[WAITING] > 0:
+        here = levels.landmark_of[s2]
+        arrived = here >= 0 and here != levels.landmark_of[s]
+        if over or arrived or levels.region_of[s] != levels.region_of[s2]:
+            replay(grid, slip, table, seen, levels, gamma, q, value, n_actions)
+
+
+@compiled_part
+def replay(
+    grid: Any, slip: Any, table: Any, seen: Any, levels: Any, gamma: Any, q: Any, value: Any, n_actions: Any
+) -> Any:
+    """Replay the regions in which something waits, the largest change first, as far as the budget goes."""
+    while levels.budget[CREDIT] > 0 and levels.notes[WAITING] > 0:
         region = np.argmax(levels.due)
         levels.due[region] = 0.0
-        credit = _replay_region(grid, slip, table, seen, levels, tolerance, gamma, q, value, region, credit, n_actions)
-    return credit
+        _replay_region(grid, slip, table, seen, levels, gamma, q, value, region, n_actions)
 
 
-@compiled_bare
+@compiled_part
 def _replay_region(
-    grid: Any, slip: Any, table: Any, seen: Any, levels: Any, tolerance: Any, gamma: Any, q: Any, value: Any,
-    region: Any, credit: Any, n_actions: Any,
+    grid: Any, slip: Any, table: Any, seen: Any, levels: Any, gamma: Any, q: Any, value: Any, region: Any,
+    n_actions: Any,
 ) -> Any:  # fmt: skip
     """Settle the states that wait in a region, first come first served, and whatever they change in it."""
     first = levels.ring_start[region]
     room = levels.ring_start[region + 1] - first
+    tolerance = levels.budget[LET_GO]
     while levels.length[region] > 0:
-        if credit <= 0:
+        if levels.budget[CREDIT] <= 0:
             levels.due[region] = np.inf  # to be gone on with
             break
-        credit -= 1
+        levels.budget[CREDIT] -= 1
         s = uint64(levels.ring[first + levels.head[region]])
         levels.head[region] = (levels.head[region] + 1) % room
         levels.length[region] -= 1
@@ -129,10 +172,9 @@ def _replay_region(
                 change = to_change(q, value, before, tolerance, n_actions)
                 if change > 0:
                     wait(levels, before, change)
-    return credit
 
 
-@compiled_bare
+@compiled_part
 def start_over(
     grid: Any, slip: Any, table: Any, seen: Any, levels: Any, gamma: Any, q: Any, value: Any, n_actions: Any
 ) -> Any:
@@ -151,94 +193,3 @@ def start_over(
         change = to_change(q, value, uint64(s), 0.0, n_actions)
         if change > 0 and (grid is None or uint64(s) != uint64(grid.goal)):
             wait(levels, uint64(s), change)
-
-
-@compiled_bare
-def untried(tries: Any, needed: Any, s: Any, u: Any, n_actions: Any) -> Any:
-    """An action of a state that was tried too seldom, each as likely; -1 if there is none."""
-    row = s * uint64(n_actions)
-    n = 0
-    for a in range(n_actions):
-        if tries[row + uint64(a)] < needed:
-            n += 1
-    if n == 0:
-        return -1
-    skip = int64(below(u, n))
-    for a in range(n_actions):
-        if tries[row + uint64(a)] < needed:
-            if skip == 0:
-                return a
-            skip -= 1
-    return -1
-
-
-@compiled_bare
-def way_back(undoes: Any, tries: Any, needed: Any, s: Any, came_by: Any, u: Any, n_actions: Any) -> Any:
-    """The action that most often undid the one by which the robot came, if it was tried too seldom here; else any."""
-    first = came_by * uint64(n_actions)
-    back = uint64(0)
-    for b in range(1, n_actions):
-        if undoes[first + uint64(b)] > undoes[first + back]:
-            back = uint64(b)
-    if undoes[first + back] > 0 and tries[s * uint64(n_actions) + back] < needed:
-        return int64(back)
-    return untried(tries, needed, s, u, n_actions)
-
-
-@compiled_bare
-def search(
-    grid: Any, slip: Any, table: Any, seen: Any, levels: Any, needed: Any, gamma: Any, value: Any, s: Any,
-    n_actions: Any,
-) -> Any:  # fmt: skip
-    """Look, breadth first over moves that were seen, for the nearest state with something worth trying.
-
-    Writes the way there into ``levels.path``; returns (its length, how many states were looked at).  The length
-    is 0 where nothing found could beat what is known.  Where nothing is known, anything untried will do: in the same
-    region what was passed by first, for a robot that strayed there finds out again where it came in.
-    """
-    notes = levels.notes
-    notes[STAMP] += 1
-    levels.mark[s] = notes[STAMP]
-    levels.queue[0] = s
-    head, n, layer_end = 0, 1, 1
-    gained, discount = 0.0, 1.0
-    anything, first_seen = s, NEVER + NEVER
-    while head < n:
-        if head == layer_end:
-            gained += discount * levels.best_step
-            discount *= gamma
-            layer_end = n
-            if gained + discount * levels.promise <= value[s]:
-                return 0, n
-        x = uint64(levels.queue[head])
-        head += 1
-        if untried(seen.tries, needed, x, uint64(0), n_actions) >= 0:
-            if levels.relevant[levels.region_of[x]]:
-                return _lay_path(levels, s, x, n_actions), n
-            since = levels.since[x] if levels.since[x] > 0 else NEVER
-            if levels.region_of[x] != levels.region_of[s]:
-                since = NEVER + NEVER - 1
-            if since < first_seen:
-                anything, first_seen = x, since
-        for a in range(n_actions):
-            row = x * uint64(n_actions) + uint64(a)
-            if seen.tries[row] > 0:
-                y = likeliest(grid, slip, table, seen, row, uint64(a), n_actions)
-                if levels.mark[y] != notes[STAMP]:
-                    levels.mark[y] = notes[STAMP]
-                    levels.parent[y] = row
-                    levels.queue[n] = y
-                    n += 1
-    return (_lay_path(levels, s, anything, n_actions) if value[s] <= 0 else 0), n
-
-
-@compiled_bare
-def _lay_path(levels: Any, s: Any, found: Any, n_actions: Any) -> Any:
-    """Write down the rows that lead to a state found, the first one last; returns how many."""
-    n = 0
-    while found != s:
-        row = uint64(levels.parent[found])
-        levels.path[n] = row
-        n += 1
-        found = row // uint64(n_actions)
-    return n

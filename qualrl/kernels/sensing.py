@@ -10,7 +10,7 @@ and beside something that is not, so it is enough to follow the rays that pass s
 
 from typing import Any
 
-from qualrl.kernels.jit import compiled_bare
+from qualrl.kernels.jit import compiled_bare, compiled_part
 
 
 @compiled_bare
@@ -40,7 +40,7 @@ def look(free: Any, places: Any, reach: Any, radius: Any, seen: Any, edge: Any, 
     return count
 
 
-@compiled_bare
+@compiled_part
 def _choose(
     free: Any, row: Any, column: Any, reach: Any, radius: Any, seen: Any, edge: Any, count: Any, follow: Any
 ) -> Any:
@@ -63,7 +63,7 @@ def _choose(
     return count
 
 
-@compiled_bare
+@compiled_part
 def _goes_on(free: Any, seen: Any, r: Any, c: Any) -> Any:
     """Whether a ray may go on from a free cell into one that was not seen."""
     for y in range(max(r - 1, 0), min(r + 2, free.shape[0])):
@@ -73,7 +73,7 @@ def _goes_on(free: Any, seen: Any, r: Any, c: Any) -> Any:
     return False
 
 
-@compiled_bare
+@compiled_part
 def _follow_through(side: Any, k: Any, across: Any, reach: Any, follow: Any) -> Any:
     """Choose the rays of a side that at their k-th cell are ``across`` cells off its middle; all sides for k = 0."""
     if k == 0:
@@ -85,7 +85,7 @@ def _follow_through(side: Any, k: Any, across: Any, reach: Any, follow: Any) -> 
         follow[side * (2 * reach + 1) + reach + d] = True
 
 
-@compiled_bare
+@compiled_part
 def _ray(
     free: Any, row: Any, column: Any, down: Any, right: Any, reach: Any, radius: Any, seen: Any, edge: Any, count: Any
 ) -> Any:

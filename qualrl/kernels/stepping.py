@@ -12,7 +12,7 @@ import numpy as np
 from numba import int64, uint64
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled_bare
+from qualrl.kernels.jit import compiled_part
 
 Floats = NDArray[np.float64]
 
@@ -80,7 +80,7 @@ class Progress(NamedTuple):
     """(episodes,) undiscounted sum of rewards of each finished episode."""
 
 
-@compiled_bare
+@compiled_part
 def rate_at(rate: Any, k: Any) -> Any:
     """alpha_k of a table; see ``learning.schedule`` for its spacing."""
     if rate.size == 1:
@@ -90,7 +90,7 @@ def rate_at(rate: Any, k: Any) -> Any:
     return rate[min(EXACT + int(np.log(k / EXACT) / LOG_STEP), rate.size - 1)]
 
 
-@compiled_bare
+@compiled_part
 def next_rate(visits: Any, row: Any) -> Any:
     """The learning rate of a row, whose visit is counted."""
     k = visits.counts[row]
@@ -98,7 +98,7 @@ def next_rate(visits: Any, row: Any) -> Any:
     return rate_at(visits.rate, k)
 
 
-@compiled_bare
+@compiled_part
 def draw(r0: Any, r1: Any, r2: Any, r3: Any) -> Any:
     """64 random bits and the next state of the stream."""
     w = r0 + r3
@@ -112,19 +112,19 @@ def draw(r0: Any, r1: Any, r2: Any, r3: Any) -> Any:
     return u, r0, r1, r2, (r3 << uint64(45)) | (r3 >> uint64(19))
 
 
-@compiled_bare
+@compiled_part
 def below(u: Any, n: Any) -> Any:
     """A whole number below n from the low 32 bits of a draw."""
     return ((u & uint64(0xFFFFFFFF)) * uint64(n)) >> uint64(32)
 
 
-@compiled_bare
+@compiled_part
 def unit(u: Any) -> Any:
     """A float in [0, 1) from the high 53 bits of a draw."""
     return (u >> uint64(11)) * (1.0 / 9007199254740992.0)
 
 
-@compiled_bare
+@compiled_part
 def largest(q: Any, row: Any, n_actions: Any) -> Any:
     """The largest of the A values from ``row`` on."""
     best = q[row]
@@ -135,7 +135,7 @@ def largest(q: Any, row: Any, n_actions: Any) -> Any:
     return best
 
 
-@compiled_bare
+@compiled_part
 def greedy(q: Any, row: Any, n_actions: Any, u: Any) -> Any:
     """The best action; ties are broken evenly by the draw u."""
     best = q[row]
@@ -160,7 +160,7 @@ def greedy(q: Any, row: Any, n_actions: Any, u: Any) -> Any:
     return chosen
 
 
-@compiled_bare
+@compiled_part
 def slipped(a: Any, slip: Any, n_actions: Any, u: Any) -> Any:
     """The move that happens: a, or with probability slip one of the others, each as likely."""
     x = unit(u)
@@ -170,7 +170,7 @@ def slipped(a: Any, slip: Any, n_actions: Any, u: Any) -> Any:
     return (a + uint64(1) + min(other, uint64(n_actions - 2))) % uint64(n_actions)
 
 
-@compiled_bare
+@compiled_part
 def entry_of(table: Any, row: Any, u: Any) -> Any:
     """The table entry of a row that a draw falls on."""
     x = unit(u)
@@ -181,7 +181,7 @@ def entry_of(table: Any, row: Any, u: Any) -> Any:
     return entry
 
 
-@compiled_bare
+@compiled_part
 def happened(
     grid: Any, slip: Any, table: Any, s: Any, a: Any, n_actions: Any, r0: Any, r1: Any, r2: Any, r3: Any
 ) -> Any:
@@ -210,7 +210,7 @@ def happened(
     return s2, over, reward, outcome, r0, r1, r2, r3
 
 
-@compiled_bare
+@compiled_part
 def moved_on(
     grid: Any, slip: Any, table: Any, s: Any, a: Any, n_actions: Any, r0: Any, r1: Any, r2: Any, r3: Any
 ) -> Any:
@@ -219,7 +219,7 @@ def moved_on(
     return s2, over, reward, r0, r1, r2, r3
 
 
-@compiled_bare
+@compiled_part
 def started(starts: Any, r0: Any, r1: Any, r2: Any, r3: Any) -> Any:
     """Where an episode starts: (state, the stream).  No draw where there is but one."""
     s = uint64(starts[0])

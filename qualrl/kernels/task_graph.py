@@ -18,7 +18,7 @@ import numpy as np
 from numba import int64, uint64
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled_bare
+from qualrl.kernels.jit import compiled_bare, compiled_part
 from qualrl.kernels.stepping import (
     EPISODE,
     OWN_WHOLE,
@@ -78,14 +78,21 @@ class Calls(NamedTuple):
     """The step of the episode at which each was made."""
 
 
-@compiled_bare
+@compiled_part
 def _pseudo(pseudo: Any, task: Any, s: Any) -> Any:
     low, high = pseudo.start[task], pseudo.start[task + 1]
-    i = low + np.searchsorted(pseudo.state[low:high], s)
-    return pseudo.amount[i] if i < high and pseudo.state[i] == s else pseudo.otherwise[task]
+    while low < high:  # by halves; np.searchsorted takes half a second to compile
+        middle = (low + high) // 2
+        if pseudo.state[middle] == s:
+            return pseudo.amount[middle]
+        if pseudo.state[middle] < s:
+            low = middle + 1
+        else:
+            high = middle
+    return pseudo.otherwise[task]
 
 
-@compiled_bare
+@compiled_part
 def _best(called: Any, own: Any, low: Any, high: Any) -> Any:
     """(largest V + C of the entries low..high, the first entry of that value, how many have it)."""
     best, where, ties = called[uint64(low)] + own[uint64(low)], uint64(low), 1
@@ -98,7 +105,7 @@ def _best(called: Any, own: Any, low: Any, high: Any) -> Any:
     return best, int64(where), ties
 
 
-@compiled_bare
+@compiled_part
 def _pick(called: Any, own: Any, low: Any, high: Any, best: Any, ties: Any, exploring: Any, u: Any) -> Any:
     """An entry of low..high, each as likely: any that is open when exploring, otherwise one worth ``best``."""
     count = ties
@@ -115,7 +122,7 @@ def _pick(called: Any, own: Any, low: Any, high: Any, best: Any, ties: Any, expl
     return low
 
 
-@compiled_bare
+@compiled_part
 def _tell(
     caller_start: Any,
     caller: Any,

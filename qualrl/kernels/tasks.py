@@ -13,7 +13,7 @@ import numpy as np
 from numba import int64, uint64
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled, compiled_bare
+from qualrl.kernels.jit import compiled, compiled_bare, compiled_part
 from qualrl.kernels.stepping import (
     EPISODE,
     OWN_REAL,
@@ -50,7 +50,7 @@ class Rows(NamedTuple):
 
 
 class Spot(NamedTuple):
-    """Where a state's numbers stand.  (Arrays go to functions one by one: a tuple of them is counted at each call.)"""
+    """Where a state's numbers stand."""
 
     row: int
     k: int
@@ -119,7 +119,7 @@ def find_ways(
     return steps, move
 
 
-@compiled_bare
+@compiled_part
 def _is_step_nearer(
     t: Any, further: Any, steps: Any, slot_start: Any, kind_of: Any, position: Any, o: Any, n_options: Any
 ) -> Any:
@@ -148,7 +148,7 @@ def backwards(likely: Any) -> Any:
     return start, back
 
 
-@compiled_bare
+@compiled_part
 def scan(q: Any, low: Any, high: Any) -> Any:
     """(largest of q[low:high], where it stands first, how often it is there)."""
     best, where, ties = q[uint64(low)], uint64(low), 1
@@ -160,7 +160,7 @@ def scan(q: Any, low: Any, high: Any) -> Any:
     return best, int64(where), ties
 
 
-@compiled_bare
+@compiled_part
 def chosen(q: Any, low: Any, high: Any, best: Any, ties: Any, exploring: Any, u: Any) -> Any:
     """A place in q[low:high], each as likely: any that is open when exploring, otherwise one of the ``ties`` best."""
     count = ties
@@ -177,13 +177,52 @@ def chosen(q: Any, low: Any, high: Any, best: Any, ties: Any, exploring: Any, u:
     return place
 
 
-@compiled_bare
-def _spot(first: Any, kind_of: Any, option_start: Any, n_options: Any, s: Any) -> Any:
-    kind = int64(kind_of[s])
-    return Spot(first[s], option_start[kind + 1] - option_start[kind], option_start[kind], kind * n_options)
+@compiled_part
+def _spot(rows: Any, n_options: Any, s: Any) -> Any:
+    kind = int64(rows.kind_of[s])
+    start = rows.option_start[kind]
+    return Spot(rows.first[s], rows.option_start[kind + 1] - start, start, kind * n_options)
 
 
-@compiled_bare
+@compiled_part
+def _learn(q: Any, visits: Any, alpha: Any, entry: Any, target: Any) -> Any:
+    """Move an entry towards a target, by alpha or, with visits, by the rate that has come to it."""
+    if visits is not None:
+        alpha = next_rate(visits, entry)
+    q[entry] += alpha * (target - q[entry])
+
+
+@compiled_part
+def _look(q: Any, visits: Any, alpha: Any, low: Any, high: Any, pending: Any, gain: Any, discount: Any) -> Any:
+    """``scan`` of the choices low..high, from which the choice made before (-1: none) has learned by then."""
+    best, pick, ties = scan(q, low, high)
+    if pending >= 0:
+        _learn(q, visits, alpha, pending, gain + discount * best)
+        if low <= pending < high:
+            best, pick, ties = scan(q, low, high)
+    return best, pick, ties
+
+
+@compiled_part
+def _learn_options(
+    q: Any, visits: Any, rates: Any, rows: Any, policy: Any, n_actions: Any, here: Any, there: Any, a: Any, over: Any,
+    reward: Any,
+) -> Any:  # fmt: skip
+    """All choices that agree with the move made learn from it; what is left of an option, or the best after it."""
+    best = 0.0
+    if not over:
+        best, _, _ = scan(q, there.row, there.row + there.k + n_actions)
+    for x in range(here.k + n_actions):
+        if policy[here.row + x] == a:
+            value = best
+            if x < here.k and not over:
+                place = int64(rows.position[there.base + rows.option[here.start + x]])
+                if place >= 0 and q[there.row + place] > -np.inf:
+                    value = q[there.row + place]
+            _learn(q, visits, rates.alpha, here.row + x, reward + rates.gamma * value)
+
+
+@compiled_part
 def _worth(q: Any, n_actions: Any, there: Any, worst: Any) -> Any:
     """The best that any sub-agent of a state hopes for; ``worst`` where there is none."""
     worth, found = worst, False
@@ -196,42 +235,21 @@ def _worth(q: Any, n_actions: Any, there: Any, worst: Any) -> Any:
     return worth
 
 
-@compiled_bare
-def _learn(q: Any, visits: Any, alpha: Any, entry: Any, target: Any) -> Any:
-    """Move an entry towards a target, by alpha or, with visits, by the rate that has come to it."""
-    if visits is not None:
-        alpha = next_rate(visits, entry)
-    q[entry] += alpha * (target - q[entry])
-
-
-@compiled_bare
+@compiled_part
 def _learn_agents(
-    q: Any,
-    visits: Any,
-    landmark: Any,
-    landmark2: Any,
-    worst: Any,
-    position: Any,
-    option: Any,
-    n_actions: Any,
-    here: Any,
-    there: Any,
-    a: Any,
-    over: Any,
-    reward: Any,
-    rates: Any,
-) -> Any:
-    """Every sub-agent of a state learns from the step; with ``worst`` also how much it minds not being obeyed.
+    q: Any, visits: Any, rates: Any, rows: Any, agents: Any, worst: Any, n_actions: Any, here: Any, there: Any, s2: Any,
+    a: Any, over: Any, reward: Any,
+) -> Any:  # fmt: skip
+    """Every sub-agent of a state learns from the step to s2; with ``worst`` also how much it minds not being obeyed.
 
-    landmark (O,): where each wants to be; landmark2: that of the next state.
     worst: None when arriving pays 1 and nothing else pays; else sub-agents are paid in the world's rewards, what
     their landmark is worth on arriving, and ``worst`` for ending anywhere else than there or at the goal.
     """
     for x in range(here.k):
         if q[here.row + x] > -np.inf:
-            o = option[here.start + x]
-            place = position[there.base + o]
-            arrived = landmark2 == landmark[o]
+            o = rows.option[here.start + x]
+            place = rows.position[there.base + o]
+            arrived = agents.landmark_of[s2] == agents.landmark[o]
             value = 0.0
             if not over and not arrived and place >= 0 and q[there.row + place] > -np.inf:
                 low = there.row + there.k + n_actions + place * n_actions
@@ -287,24 +305,19 @@ def run_steps(
     s, t, episode = whole[STATE], whole[STEPS], whole[EPISODE]
     running, pending = whole[RUNNING], whole[PENDING]
     total, gain, discount = real[RETURN], real[GAIN], real[DISCOUNT]
-    first, kind_of, option_start, option, position = rows
-    n_options = position.size // (option_start.size - 1)
+    n_options = rows.position.size // (rows.option_start.size - 1)
     episodes = progress.steps.size
     done = 0
     a = int64(0)
-    here = _spot(first, kind_of, option_start, n_options, s)
+    here = _spot(rows, n_options, s)
     while done < n_steps and episode < episodes:
         if t == 0:
             at, r0, r1, r2, r3 = started(starts, r0, r1, r2, r3)
             s, total, running, pending = int64(at), 0.0, -1, -1
-            here = _spot(first, kind_of, option_start, n_options, s)
+            here = _spot(rows, n_options, s)
         if running < 0:
             high = here.row + here.k + n_actions
-            best, pick, ties = scan(q, here.row, high)
-            if pending >= 0:
-                _learn(q, visits, alpha, pending, gain + discount * best)
-                if here.row <= pending < high:
-                    best, pick, ties = scan(q, here.row, high)
+            best, pick, ties = _look(q, visits, alpha, here.row, high, pending, gain, discount)
             u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
             exploring = worst is None and (u >> uint64(32)) < explore
             if exploring or ties > 1:
@@ -314,18 +327,15 @@ def run_steps(
                 pending = pick
             a = pick - here.row - here.k
             if a < 0:
-                running = int64(option[here.start + pick - here.row])
+                running = int64(rows.option[here.start + pick - here.row])
         if running >= 0:
-            place = int64(position[here.base + running])
+            place = int64(rows.position[here.base + running])
             if policy is not None:
                 a = int64(policy[here.row + place])
             if policy is None:
                 low = here.row + here.k + n_actions + place * n_actions
-                best, pick, ties = scan(q, low, low + n_actions)
-                if machine is not None and pending >= 0:
-                    _learn(q, visits, alpha, pending, gain + discount * best)
-                    if low <= pending < low + n_actions:
-                        best, pick, ties = scan(q, low, low + n_actions)
+                waits = pending if machine is not None else int64(-1)
+                best, pick, ties = _look(q, visits, alpha, low, low + n_actions, waits, gain, discount)
                 u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
                 exploring = (u >> uint64(32)) < explore
                 if exploring or ties > 1:
@@ -339,32 +349,20 @@ def run_steps(
             grid, slip, table, uint64(s), uint64(a), n_actions, r0, r1, r2, r3
         )
         s = int64(moved)
-        there = _spot(first, kind_of, option_start, n_options, s)
+        there = _spot(rows, n_options, s)
         gain += discount * reward
         discount *= gamma
         total += reward
         t += 1
         done += 1
         if intra is not None:
-            pending, best = -1, 0.0
-            if not over:
-                best, _, _ = scan(q, there.row, there.row + there.k + n_actions)
-            for x in range(here.k + n_actions):  # not a function of its own: its arrays would be counted at each call
-                if policy[here.row + x] == a:
-                    value = best
-                    if x < here.k and not over:
-                        place = int64(position[there.base + option[here.start + x]])
-                        if place >= 0 and q[there.row + place] > -np.inf:
-                            value = q[there.row + place]
-                    _learn(q, visits, alpha, here.row + x, reward + gamma * value)
+            pending = -1
+            _learn_options(q, visits, rates, rows, policy, n_actions, here, there, a, over, reward)
         if agents is not None:
             running = -1
-            _learn_agents(
-                q, visits, agents.landmark, agents.landmark_of[s], worst, position, option, n_actions, here, there, a,
-                over, reward, rates,
-            )  # fmt: skip
+            _learn_agents(q, visits, rates, rows, agents, worst, n_actions, here, there, s, a, over, reward)
         if agents is None and running >= 0:
-            place = int64(position[there.base + running])
+            place = int64(rows.position[there.base + running])
             if place < 0 or q[there.row + place] == -np.inf:
                 running = -1
         if over and pending >= 0:

@@ -6,7 +6,7 @@ H, W: rows, columns.  Distances and radii are in cells.
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled
+from qualrl.kernels.jit import compiled, compiled_part
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -69,7 +69,7 @@ def disc_centres(distance: Floats) -> Ints:
     return centres[:count]
 
 
-@compiled
+@compiled_part
 def _next(unpainted: Ints, row: int, column: int) -> int:
     """The row's first unpainted column from this one on; the pointers passed are halved on the way."""
     while unpainted[row, column] != column:

@@ -13,7 +13,7 @@ import numpy as np
 from numba import uint64
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled_bare
+from qualrl.kernels.jit import compiled_bare, compiled_part
 from qualrl.kernels.stepping import (
     EPISODE,
     OWN_REAL,
@@ -52,7 +52,7 @@ class Trace(NamedTuple):
     """(S * A,) ``owed`` when the row last got its share."""
 
 
-@compiled_bare
+@compiled_part
 def _give(q: Any, trace: Any, row: Any, owed: Any) -> Any:
     """Give a row its share of what has been owed since."""
     if trace.weight[row] > 0.0:
@@ -60,7 +60,7 @@ def _give(q: Any, trace: Any, row: Any, owed: Any) -> Any:
         trace.given[row] = owed
 
 
-@compiled_bare
+@compiled_part
 def _start_anew(q: Any, trace: Any, size: Any, owed: Any, fade: Any) -> Any:
     """Give every row its share, and sum up from 0 again; fade = 0 ends the trace.  Returns how many rows stay."""
     kept = 0

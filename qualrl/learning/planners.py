@@ -22,9 +22,9 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels import planning as kernel
-from qualrl.kernels import replay, stepping
+from qualrl.kernels import dyna, replay, stepping, sweeping
 from qualrl.kernels.experience import Experience
+from qualrl.kernels.planning import run_planning
 from qualrl.learning.learner import NO_LIMIT, KernelWorld, Learned, fresh_progress, kernel_world, rewire, visits_of
 from qualrl.learning.levels_anew import regions_anew
 from qualrl.learning.rules import LearningRule, Planner
@@ -43,8 +43,6 @@ class PlanningLearner:
     def __init__(self, model: HybridMDP, rule: LearningRule, settings: LearnSettings, seed: int) -> None:
         self.model = model
         self.progress = fresh_progress(settings.episodes, seed)
-        self.progress.whole[kernel.NEEDED] = self.progress.whole[kernel.PATIENCE] = 1
-        self.progress.real[kernel.LET_GO] = kernel.TOLERANCE
         self._world = kernel_world(model)
         n_states, n_actions = len(model), model.world.n_actions
         self._shift = shift_of(model.world) if rule.planner is Planner.REGIONS else 0.0
@@ -54,7 +52,7 @@ class PlanningLearner:
         self._value = np.where(_terminal(model), self._shift, 0.0)
         self._dyna = self._heap = self._levels = None
         if rule.planner is Planner.DYNA:
-            self._dyna = kernel.Dyna(np.zeros(len(self._q), np.uint32), settings.planning_steps)
+            self._dyna = dyna.Dyna(np.zeros(len(self._q), np.uint32), settings.planning_steps)
         if rule.planner is Planner.HEAP:
             self._heap = _heap(n_states, settings)
         if rule.planner is Planner.REGIONS:
@@ -65,7 +63,7 @@ class PlanningLearner:
 
     def advance(self, n_steps: int) -> int:
         """See Learner."""
-        made: int = kernel.run_planning(
+        made: int = run_planning(
             *self._world, self._seen, self._dyna, self._heap, self._levels, self._visits, self._rates, self._actions,
             self.model.starts, self._q, self._value, self.progress, n_steps,
         )  # fmt: skip
@@ -86,8 +84,8 @@ class PlanningLearner:
                 self._levels, model.region_of, model.landmarks.landmark_of, relevant_regions(model),
                 np.abs(best - self._value),
             )  # fmt: skip
-            whole = self.progress.whole
-            whole[kernel.PATH_LEFT], whole[kernel.RETRY_AT], whole[kernel.PATIENCE] = 0, 0, 1
+            notes = self._levels.notes
+            notes[replay.PATH_LEFT], notes[replay.RETRY_AT], notes[replay.PATIENCE] = 0, 0, 1
 
     def visited(self) -> NDArray[np.bool_]:
         """See Exploring.  None is missed."""
@@ -150,8 +148,8 @@ def _terminal(model: HybridMDP) -> NDArray[np.bool_]:
     return model.world.terminal
 
 
-def _heap(n_states: int, settings: LearnSettings) -> kernel.Heap:
-    return kernel.Heap(
+def _heap(n_states: int, settings: LearnSettings) -> sweeping.Heap:
+    return sweeping.Heap(
         np.zeros(n_states, np.uint32), np.full(n_states, -1, np.int32), np.zeros(n_states),
         settings.planning_threshold, settings.planning_steps,
     )  # fmt: skip
@@ -162,12 +160,15 @@ def _levels(model: HybridMDP, settings: LearnSettings, shift: float) -> replay.L
     ring_start = np.zeros(n_regions + 1, np.int64)
     np.cumsum(np.bincount(model.region_of, minlength=n_regions), out=ring_start[1:])
     promise, best_step = _promises(model, shift)
+    notes, budget = np.zeros(replay.NOTES, np.int64), np.zeros(replay.BUDGET)
+    notes[replay.NEEDED] = notes[replay.PATIENCE] = 1
+    budget[replay.LET_GO] = replay.TOLERANCE
     return replay.Levels(
         model.region_of, model.landmarks.landmark_of, relevant_regions(model), np.zeros(n_states, np.uint32),
         ring_start, np.zeros(n_regions, np.int64), np.zeros(n_regions, np.int64), np.zeros(n_states, np.bool_),
         np.zeros(n_regions), np.zeros(n_states, np.int64), np.zeros(n_states, np.int64),
         np.zeros(n_states, np.uint32), np.zeros(n_states, np.uint32), np.zeros(n_states, np.uint32),
-        np.zeros(model.world.n_actions**2, np.int64), np.zeros(replay.NOTES, np.int64),
+        np.zeros(model.world.n_actions**2, np.int64), notes, budget,
         promise, best_step, settings.tries, settings.planning_steps,
     )  # fmt: skip
 
