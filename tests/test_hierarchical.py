@@ -526,7 +526,7 @@ def root_values(learner, marks):
             entry = graph.first[s] + x
             if graph.open[entry]:
                 call = calls[graph.child[graph.child_start[kind] + x]]
-                found[s, call] = learner.called[entry] + learner.own[entry]
+                found[s, call] = learner.value_of(s, x) + learner.own[entry]
     return found
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numba import uint64
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled_part
+from qualrl.kernels.jit import compiled_inline
 from qualrl.kernels.stepping import below, draw, largest, next_rate, rate_at, unit
 
 
@@ -21,7 +21,7 @@ class Dyna(NamedTuple):
     steps: int
 
 
-@compiled_part
+@compiled_inline
 def learn_dyna(
     seen: Any, dyna: Any, visits: Any, rates: Any, q: Any, tried: Any, row: Any, s2: Any, over: Any, reward: Any,
     n_actions: Any,
@@ -37,7 +37,7 @@ def learn_dyna(
     return tried
 
 
-@compiled_part
+@compiled_inline
 def imagine(
     grid: Any, slip: Any, table: Any, seen: Any, dyna: Any, visits: Any, rates: Any, q: Any, tried: Any, n_actions: Any,
     r0: Any, r1: Any, r2: Any, r3: Any,
@@ -58,7 +58,7 @@ def imagine(
     return r0, r1, r2, r3
 
 
-@compiled_part
+@compiled_inline
 def _remembered(grid: Any, slip: Any, table: Any, seen: Any, row: Any, u: Any, n_actions: Any) -> Any:
     """An outcome of a row, as likely as it was often: (next state, whether the episode is over, reward)."""
     if grid is not None:
@@ -78,7 +78,7 @@ def _remembered(grid: Any, slip: Any, table: Any, seen: Any, row: Any, u: Any, n
     return s2, over, reward
 
 
-@compiled_part
+@compiled_inline
 def _nth(counts: Any, first: Any, last: Any, left: Any) -> Any:
     """Where among first..last the counts summed up pass ``left``."""
     at = first
@@ -88,7 +88,7 @@ def _nth(counts: Any, first: Any, last: Any, left: Any) -> Any:
     return at
 
 
-@compiled_part
+@compiled_inline
 def _update(q: Any, gamma: Any, row: Any, s2: Any, over: Any, reward: Any, alpha: Any, n_actions: Any) -> Any:
     target = reward
     if not over:

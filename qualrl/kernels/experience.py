@@ -11,7 +11,7 @@ import numpy as np
 from numba import uint64
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled_part
+from qualrl.kernels.jit import compiled_inline, compiled_part
 from qualrl.kernels.stepping import Floats, largest
 
 
@@ -36,7 +36,7 @@ class Experience(NamedTuple):
     """(K,) row of each outcome of a table; (1,) and unused on grids."""
 
 
-@compiled_part
+@compiled_inline
 def remember(grid: Any, slip: Any, table: Any, seen: Any, row: Any, outcome: Any, s2: Any, n_actions: Any) -> Any:
     """Count an outcome.
 
@@ -83,7 +83,7 @@ def share(grid: Any, slip: Any, table: Any, seen: Any, outcome: Any, row: Any) -
     return happened
 
 
-@compiled_part
+@compiled_inline
 def backed_up(
     grid: Any, slip: Any, table: Any, seen: Any, value: Any, row: Any, a: Any, gamma: Any, n_actions: Any
 ) -> Any:

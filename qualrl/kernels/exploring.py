@@ -8,7 +8,7 @@ from typing import Any
 from numba import int64, uint64
 
 from qualrl.kernels.experience import likeliest
-from qualrl.kernels.jit import compiled_part
+from qualrl.kernels.jit import compiled_inline, compiled_part
 from qualrl.kernels.replay import CAME_BY, CAME_FROM, CLOCK, NEEDED, PATH_LEFT, PATIENCE, RETRY_AT, STAMP
 from qualrl.kernels.stepping import below
 
@@ -16,7 +16,7 @@ MOST_PATIENCE = 64
 NEVER = 2**60
 
 
-@compiled_part
+@compiled_inline
 def asked_for(
     grid: Any, slip: Any, table: Any, seen: Any, levels: Any, gamma: Any, value: Any, s: Any, by_chance: Any, u: Any,
     n_actions: Any,
@@ -41,7 +41,7 @@ def asked_for(
     return wanted
 
 
-@compiled_part
+@compiled_inline
 def note_move(levels: Any, s: Any, a: Any, s2: Any, n_actions: Any) -> Any:
     """Remember how the robot came, and which action undid which."""
     notes = levels.notes

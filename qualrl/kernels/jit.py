@@ -41,6 +41,12 @@ def compiled_part(function: Function) -> Function:
     return cast(Function, njit(nogil=True, **UNCOUNTED, **NOT_FROM_C, **NOT_FROM_PYTHON)(function))
 
 
+def compiled_inline(function: Function) -> Function:
+    """The same for a part that is called at each step with tuples of many arrays, which a call would copy."""
+    inline: dict[str, Any] = {"forceinline": True}
+    return cast(Function, njit(nogil=True, **inline, **UNCOUNTED, **NOT_FROM_C, **NOT_FROM_PYTHON)(function))
+
+
 def forget_stale(folder: Path) -> None:
     """Delete the indices of compiled code that are older than the newest source file of the folder."""
     with suppress(OSError):  # a folder that is not ours to write to keeps what it has

@@ -12,7 +12,7 @@ import numpy as np
 from numba import int64, uint64
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled_bare, compiled_part
+from qualrl.kernels.jit import compiled_bare, compiled_inline
 from qualrl.kernels.stepping import (
     EPISODE,
     OWN_REAL,
@@ -63,7 +63,7 @@ class Upper(NamedTuple):
     """Whether what follows a macro is discounted by gamma once, as step (i) is printed; else by gamma ** tau."""
 
 
-@compiled_part
+@compiled_inline
 def _best_arc(upper: Any, landmark: Any) -> Any:
     """The largest value among the travelled arcs of a landmark; 0 if none was travelled yet."""
     best = -np.inf
@@ -73,7 +73,7 @@ def _best_arc(upper: Any, landmark: Any) -> Any:
     return best if best > -np.inf else 0.0
 
 
-@compiled_part
+@compiled_inline
 def _landmark_step(
     q: Any,
     upper: Any,

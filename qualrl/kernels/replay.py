@@ -12,7 +12,7 @@ from numba import uint64
 from numpy.typing import NDArray
 
 from qualrl.kernels.experience import backed_up, row_of_outcome
-from qualrl.kernels.jit import compiled_part
+from qualrl.kernels.jit import compiled_inline, compiled_part
 from qualrl.kernels.stepping import Floats, largest
 
 # Slots of Levels.notes and of Levels.budget
@@ -95,7 +95,7 @@ def to_change(q: Any, value: Any, s: Any, tolerance: Any, n_actions: Any) -> Any
     return change if change > tolerance * max(abs(best), abs(value[s])) else 0.0
 
 
-@compiled_part
+@compiled_inline
 def take_in(
     grid: Any, slip: Any, table: Any, seen: Any, levels: Any, gamma: Any, q: Any, value: Any, s: Any, a: Any, s2: Any,
     over: Any, differs: Any, changed: Any, n_actions: Any,

@@ -10,7 +10,7 @@ from numba import int64, uint64
 from numpy.typing import NDArray
 
 from qualrl.kernels.experience import backed_up, refreshed, row_of_outcome, share
-from qualrl.kernels.jit import compiled_part
+from qualrl.kernels.jit import compiled_inline, compiled_part
 from qualrl.kernels.stepping import Floats
 
 
@@ -75,7 +75,7 @@ def pop(heap: Any, size: Any) -> Any:
     return top, size
 
 
-@compiled_part
+@compiled_inline
 def learn_by_sweeping(
     grid: Any, slip: Any, table: Any, seen: Any, heap: Any, gamma: Any, q: Any, value: Any, size: Any, s: Any, row: Any,
     a: Any, n_actions: Any,

@@ -1,13 +1,14 @@
 """The training loop of MAXQ-Q, compiled (Dietterich 2000).
 
 S states, A moves, T tasks (task 0 is the root), C kinds of states.  A task calls moves and other tasks; each such
-call has an entry in the row of every state of a kind in which the task lives, with two or three numbers:
+call has an entry in the row of every state of a kind in which the task lives, with one or two numbers:
 
-called   V(j, s), the value of what is called: the expected reward of a move, or for a task that of its best call.
-         Kept up to date at every change of a value below, up to where nothing changes.
 own      C(i, s, j), the completion that task i goes by; -inf where the call may not be made.  The best call is the
-         one of largest V + C.  A task none of whose calls may be made in a state is over there.
+         one of largest V + C, where V(j, s), the value of what is called, is the expected reward of a move, or for a
+         task that of its best call.  A task none of whose calls may be made in a state is over there.
 outer    the completion without pseudo-rewards, which is what others see; None where it would be the same as ``own``.
+
+V is worked out bottom up where a call is chosen or has ended: where a task calls moves only, that is next to nothing.
 
 A call runs a number of steps and leaves everything it needs to go on in its arrays.
 """
@@ -18,7 +19,7 @@ import numpy as np
 from numba import int64, uint64
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled_bare, compiled_part
+from qualrl.kernels.jit import compiled_bare, compiled_inline, compiled_part
 from qualrl.kernels.stepping import (
     EPISODE,
     OWN_WHOLE,
@@ -50,10 +51,11 @@ class Graph(NamedTuple):
     child_start: NDArray[np.int64]
     """(C,) what entry x of kind c calls is child[child_start[c] + x]: a move below A, else A + a task."""
     child: NDArray[np.int32]
-    caller_start: NDArray[np.int64]
-    """(C * (A + T) + 1,) where the callers of each child begin, kind by kind."""
-    caller: NDArray[np.int32]
-    """(., 4) an entry that calls a child, the task whose it is, and where the entries of that begin and end."""
+    order_start: NDArray[np.int64]
+    """(C + 1,) the tasks besides the root that live in kind c are order[order_start[c]] .. , after those they call."""
+    order: NDArray[np.int32]
+    simple: NDArray[np.bool_]
+    """(T,) whether a task calls moves only."""
 
 
 class Pseudo(NamedTuple):
@@ -92,21 +94,46 @@ def _pseudo(pseudo: Any, task: Any, s: Any) -> Any:
     return pseudo.otherwise[task]
 
 
-@compiled_part
-def _best(called: Any, own: Any, low: Any, high: Any) -> Any:
-    """(largest V + C of the entries low..high, the first entry of that value, how many have it)."""
-    best, where, ties = called[uint64(low)] + own[uint64(low)], uint64(low), 1
-    for e in range(uint64(low) + uint64(1), uint64(high)):
-        value = called[e] + own[e]
-        if value > best:
-            best, where, ties = value, e, 1
-        elif value == best:
+@compiled_inline
+def _best(child: Any, base: Any, value: Any, own: Any, low: Any, high: Any) -> Any:
+    """(largest V + C of the entries low..high, the first entry of that value, how many have it).
+
+    Entry e calls child[base + e]; value (A + T,): V of each.
+    """
+    best, where, ties = value[child[base + low]] + own[low], low, 1
+    for e in range(low + 1, high):
+        worth = value[child[base + e]] + own[e]
+        if worth > best:
+            best, where, ties = worth, e, 1
+        elif worth == best:
             ties += 1
     return best, int64(where), ties
 
 
+@compiled_inline
+def _look(graph: Any, own: Any, outer: Any, move_value: Any, value: Any, task: Any, s: Any, n_actions: Any) -> Any:
+    """The best call of a task in state s: ``_best``.  Writes to ``value`` what each of its calls is worth there."""
+    n_tasks = graph.simple.size
+    kind, row = int64(graph.kind_of[s]), graph.first[s]
+    base = graph.child_start[kind] - row
+    for a in range(n_actions):
+        value[a] = move_value[s * n_actions + a]
+    if not graph.simple[task]:
+        for i in range(graph.order_start[kind], graph.order_start[kind + 1]):
+            below = int64(graph.order[i])
+            low, high = row + graph.begin[kind * n_tasks + below], row + graph.end[kind * n_tasks + below]
+            best, where, _ = _best(graph.child, base, value, own, low, high)
+            if outer is not None:
+                best = value[graph.child[base + where]] + outer[where]
+            value[n_actions + below] = best
+    low, high = row + graph.begin[kind * n_tasks + task], row + graph.end[kind * n_tasks + task]
+    return _best(graph.child, base, value, own, low, high)
+
+
 @compiled_part
-def _pick(called: Any, own: Any, low: Any, high: Any, best: Any, ties: Any, exploring: Any, u: Any) -> Any:
+def _pick(
+    child: Any, base: Any, value: Any, own: Any, low: Any, high: Any, best: Any, ties: Any, exploring: Any, u: Any
+) -> Any:
     """An entry of low..high, each as likely: any that is open when exploring, otherwise one worth ``best``."""
     count = ties
     if exploring:
@@ -115,42 +142,11 @@ def _pick(called: Any, own: Any, low: Any, high: Any, best: Any, ties: Any, expl
             count += own[e] > -np.inf
     skip = int64(below(u, count))
     for e in range(low, high):
-        if own[e] > -np.inf and (exploring or called[e] + own[e] == best):
+        if own[e] > -np.inf and (exploring or value[child[base + e]] + own[e] == best):
             if skip == 0:
                 return e
             skip -= 1
     return low
-
-
-@compiled_part
-def _tell(
-    caller_start: Any,
-    caller: Any,
-    called: Any,
-    own: Any,
-    outer: Any,
-    row: Any,
-    base: Any,
-    n_actions: Any,
-    child: Any,
-    value: Any,
-) -> Any:
-    """Let all that call a child in a state know its value, and all that call those.
-
-    row, base: where the state's row begins, and the children of its kind in caller_start.
-    """
-    for j in range(caller_start[base + child], caller_start[base + child + 1]):
-        e = row + caller[j, 0]
-        if called[e] == value:
-            break  # so have the others
-        called[e] = value
-        if caller[j, 1] > 0:
-            best, where, _ = _best(called, own, row + caller[j, 2], row + caller[j, 3])
-            if outer is not None:
-                best = called[where] + outer[where]
-            if own[where] > -np.inf:
-                task = n_actions + caller[j, 1]
-                _tell(caller_start, caller, called, own, outer, row, base, n_actions, task, best)
 
 
 @compiled_bare
@@ -165,28 +161,27 @@ def run_steps(
     rates: Any,
     actions: Any,
     starts: Any,
-    called: Any,
     own: Any,
     outer: Any,
     move_value: Any,
+    value: Any,
     progress: Any,
     n_steps: Any,
 ) -> Any:
     """Run up to n_steps steps; the world, ``actions``, ``starts`` and what is returned as in ``learning``.
 
     pseudo and outer are None where no task has a pseudo-reward.  move_value (S * A,): expected reward of each move.
+    value (A + T,): scratch.
     visits: Visits of each entry of own (and outer), then of each row of move_value; or None for rates.alpha.
     """
     n_actions = len(actions)
-    n_tasks = graph.begin.size // graph.child_start.size
-    n_children = n_actions + n_tasks
+    n_tasks = graph.simple.size
     alpha, gamma = rates.alpha, rates.gamma
     explore = uint64(rates.epsilon * 4294967296.0)
     r0, r1, r2, r3 = progress.stream[0], progress.stream[1], progress.stream[2], progress.stream[3]
     whole, real = progress.whole, progress.real
     s, t, episode, depth = whole[STATE], whole[STEPS], whole[EPISODE], whole[DEPTH]
     total = real[RETURN]
-    firsts, kind_of, begin, end, child_start, children, caller_start, caller = graph
     call_task, call_entry, call_state, call_when = calls
     episodes = progress.steps.size
     done = 0
@@ -196,20 +191,21 @@ def run_steps(
             first, r0, r1, r2, r3 = started(starts, r0, r1, r2, r3)
             s, total, depth, known = int64(first), 0.0, int64(0), False
             call_task[0] = 0
-        kind, row = int64(kind_of[s]), firsts[s]
+        kind, row = int64(graph.kind_of[s]), graph.first[s]
+        base = graph.child_start[kind] - row
         move = int64(-1)
         while move < 0:  # down to a move
             place = kind * n_tasks + call_task[depth]
-            low, high = row + begin[place], row + end[place]
+            low, high = row + graph.begin[place], row + graph.end[place]
             u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
             exploring = (u >> uint64(32)) < explore
             if not known and not exploring:
-                best, entry, ties = _best(called, own, low, high)
+                best, entry, ties = _look(graph, own, outer, move_value, value, call_task[depth], s, n_actions)
             known = False
             if exploring or ties > 1:
-                entry = _pick(called, own, low, high, best, ties, exploring, u)
+                entry = _pick(graph.child, base, value, own, low, high, best, ties, exploring, u)
             call_entry[depth], call_state[depth], call_when[depth] = entry, s, t
-            child = int64(children[child_start[kind] + entry - row])
+            child = int64(graph.child[base + entry])
             if child < n_actions:
                 move = child
             else:
@@ -222,25 +218,24 @@ def run_steps(
         if visits is not None:
             alpha = next_rate(visits, own.size + by)
         move_value[by] += alpha * (reward - move_value[by])
-        _tell(caller_start, caller, called, own, outer, row, kind * n_children, n_actions, move, move_value[by])
         s = int64(moved)
         total += reward
         t += 1
         done += 1
-        kind, row = int64(kind_of[s]), firsts[s]
+        place = int64(graph.kind_of[s]) * n_tasks
         while not known and depth >= 0:  # up from every task that is over
             i, at = call_task[depth], call_state[depth]
             n = t - call_when[depth]
             discount = gamma if n == 1 else gamma**n
             target, seen = 0.0, 0.0
-            low, high = row + begin[kind * n_tasks + i], row + end[kind * n_tasks + i]
-            if not over and high > low:
-                best, entry, ties = _best(called, own, low, high)
+            if not over and graph.end[place + i] > graph.begin[place + i]:
+                best, entry, ties = _look(graph, own, outer, move_value, value, i, s, n_actions)
                 known = best > -np.inf
             if known:
                 target = discount * best
                 if outer is not None:
-                    seen = discount * (called[entry] + outer[entry])
+                    called = graph.child[graph.child_start[graph.kind_of[s]] + entry - graph.first[s]]
+                    seen = discount * (value[called] + outer[entry])
             if pseudo is not None and not known:
                 target = discount * _pseudo(pseudo, i, s)
             e = call_entry[depth]
@@ -249,14 +244,6 @@ def run_steps(
             own[e] += alpha * (target - own[e])
             if outer is not None:
                 outer[e] += alpha * (seen - outer[e])
-            if i > 0:
-                kind_at, row_at = int64(kind_of[at]), firsts[at]
-                place = kind_at * n_tasks + i
-                value, where, _ = _best(called, own, row_at + begin[place], row_at + end[place])
-                if outer is not None:
-                    value = called[where] + outer[where]
-                base, task = kind_at * n_children, n_actions + i
-                _tell(caller_start, caller, called, own, outer, row_at, base, n_actions, task, value)
             if not known:
                 depth -= 1
             elif at == s:

@@ -13,7 +13,7 @@ import numpy as np
 from numba import int64, uint64
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled, compiled_bare, compiled_part
+from qualrl.kernels.jit import compiled, compiled_bare, compiled_inline, compiled_part
 from qualrl.kernels.stepping import (
     EPISODE,
     OWN_REAL,
@@ -148,7 +148,7 @@ def backwards(likely: Any) -> Any:
     return start, back
 
 
-@compiled_part
+@compiled_inline
 def scan(q: Any, low: Any, high: Any) -> Any:
     """(largest of q[low:high], where it stands first, how often it is there)."""
     best, where, ties = q[uint64(low)], uint64(low), 1
@@ -177,14 +177,14 @@ def chosen(q: Any, low: Any, high: Any, best: Any, ties: Any, exploring: Any, u:
     return place
 
 
-@compiled_part
+@compiled_inline
 def _spot(rows: Any, n_options: Any, s: Any) -> Any:
     kind = int64(rows.kind_of[s])
     start = rows.option_start[kind]
     return Spot(rows.first[s], rows.option_start[kind + 1] - start, start, kind * n_options)
 
 
-@compiled_part
+@compiled_inline
 def _learn(q: Any, visits: Any, alpha: Any, entry: Any, target: Any) -> Any:
     """Move an entry towards a target, by alpha or, with visits, by the rate that has come to it."""
     if visits is not None:
@@ -192,7 +192,7 @@ def _learn(q: Any, visits: Any, alpha: Any, entry: Any, target: Any) -> Any:
     q[entry] += alpha * (target - q[entry])
 
 
-@compiled_part
+@compiled_inline
 def _look(q: Any, visits: Any, alpha: Any, low: Any, high: Any, pending: Any, gain: Any, discount: Any) -> Any:
     """``scan`` of the choices low..high, from which the choice made before (-1: none) has learned by then."""
     best, pick, ties = scan(q, low, high)
@@ -203,7 +203,7 @@ def _look(q: Any, visits: Any, alpha: Any, low: Any, high: Any, pending: Any, ga
     return best, pick, ties
 
 
-@compiled_part
+@compiled_inline
 def _learn_options(
     q: Any, visits: Any, rates: Any, rows: Any, policy: Any, n_actions: Any, here: Any, there: Any, a: Any, over: Any,
     reward: Any,
@@ -235,7 +235,7 @@ def _worth(q: Any, n_actions: Any, there: Any, worst: Any) -> Any:
     return worth
 
 
-@compiled_part
+@compiled_inline
 def _learn_agents(
     q: Any, visits: Any, rates: Any, rows: Any, agents: Any, worst: Any, n_actions: Any, here: Any, there: Any, s2: Any,
     a: Any, over: Any, reward: Any,

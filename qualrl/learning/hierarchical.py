@@ -106,10 +106,10 @@ class LandmarkLearner:
         else:
             polled = polling.of_blocks(self.ways, self.first, self.q)
         if self.hierarchy in (Hierarchy.OPTION, Hierarchy.INTRA_OPTION, Hierarchy.MACHINE):
-            polled = polling.keep_to_choices(polled, self.model, self._step)
+            polled = polling.keep_to_choices(polled, self.model, self.greedy_step)
         return Learned(polled)
 
-    def _step(self, state: int, running: int | None) -> tuple[int | None, int, bool]:
+    def greedy_step(self, state: int, running: int | None) -> tuple[int | None, int, bool]:
         """The greedy step: (option that runs now, move, whether it was chosen just now)."""
         row, kind = self.first[state], self.ways.kind_of[state]
         n_actions, start = self.ways.n_actions, self.ways.option_start[kind]
@@ -136,7 +136,7 @@ class MaxqLearner:
         self._actions = (0,) * model.world.n_actions
         self._graph = graph_kernel.Graph(
             self.graph.first, self.graph.kind_of, self.graph.begin.ravel(), self.graph.end.ravel(),
-            self.graph.child_start[:-1], self.graph.child, *self.graph.callers(),
+            self.graph.child_start[:-1], self.graph.child, *self.graph.bottom_up(), self.graph.simple,
         )  # fmt: skip
         stack = np.zeros((4, self.graph.depth), np.int64)
         self._calls = graph_kernel.Calls(stack[0], stack[1], stack[2], stack[3])
@@ -144,34 +144,42 @@ class MaxqLearner:
         """(W,) completions as each task goes by them."""
         self.outer = self.own.copy() if self.graph.has_pseudo_rewards else None
         """(W,) completions as others see them; None where the two are the same."""
-        self.called = np.zeros(len(self.own))
-        """(W,) value of what each entry calls."""
         self._pseudo = _pseudo(self.graph) if self.graph.has_pseudo_rewards else None
         self.move_value = np.zeros(len(model) * model.world.n_actions)
+        self._scratch = np.zeros(model.world.n_actions + len(self.graph))
         self._visits, self._rates = _rates(model, settings, self.own.size + self.move_value.size)
 
     def advance(self, n_steps: int) -> int:
         """See Learner."""
         made: int = graph_kernel.run_steps(
             *self._world, self._graph, self._pseudo, self._calls, self._visits, self._rates, self._actions,
-            self.model.starts, self.called, self.own, self.outer, self.move_value, self.progress, n_steps,
+            self.model.starts, self.own, self.outer, self.move_value, self._scratch, self.progress, n_steps,
         )  # fmt: skip
         return made
 
     def learned(self) -> Learned:
         """See Learner."""
-        outer = self.own if self.outer is None else self.outer
-        polled = polling.of_graph(self.graph, outer, self.own, self.move_value)
-        return Learned(polling.keep_to_choices(polled, self.model, self._step))
+        polled = polling.of_graph(self.graph, self._seen, self.own, self.move_value)
+        return Learned(polling.keep_to_choices(polled, self.model, self.greedy_step))
 
-    def _step(self, state: int, running: tuple[int, ...] | None) -> tuple[tuple[int, ...], int, bool]:
+    @property
+    def _seen(self) -> NDArray[np.float64]:
+        """(W,) completions as others see them."""
+        return self.own if self.outer is None else self.outer
+
+    def value_of(self, state: int, call: int) -> float:
+        """V of what an entry of a state's row calls."""
+        kind, moves = self.graph.kind_of[state], self.move_value.reshape(-1, self.graph.n_actions)
+        value, _ = polling.of_call(self.graph, kind, call, np.array([state]), self._seen, self.own, moves)
+        return float(value[0])
+
+    def greedy_step(self, state: int, running: tuple[int, ...] | None) -> tuple[tuple[int, ...], int, bool]:
         """The greedy step: (tasks that run now below the root, move, whether the first was chosen just now)."""
         graph, kind, row = self.graph, self.graph.kind_of[state], self.graph.first[state]
 
         def values(task: int) -> NDArray[np.float64]:
-            entries = slice(row + graph.begin[kind, task], row + graph.end[kind, task])
-            found: NDArray[np.float64] = self.called[entries] + self.own[entries]
-            return found
+            calls = range(graph.begin[kind, task], graph.end[kind, task])
+            return np.array([self.value_of(state, call) + self.own[row + call] for call in calls])
 
         stack = list(running or ())
         while stack and values(stack[-1]).max(initial=-np.inf) == -np.inf:

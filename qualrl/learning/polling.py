@@ -66,7 +66,7 @@ def of_graph(graph: TaskGraph, outer: Floats, inner: Floats, move_value: Floats)
     for kind in range(len(graph.begin)):
         states = np.flatnonzero(graph.kind_of == kind)
         for call in range(graph.begin[kind, 0], graph.end[kind, 0]):
-            value, move = _called(graph, kind, call, states, outer, inner, value_of_move)
+            value, move = of_call(graph, kind, call, states, outer, inner, value_of_move)
             np.maximum.at(polled, (states, move), value + outer[graph.first[states] + call])
     polled[polled.max(axis=1) == -np.inf] = 0.0  # terminal states: nothing is open there
     return polled
@@ -99,7 +99,7 @@ def keep_to_choices(
     return polled
 
 
-def _called(
+def of_call(
     graph: TaskGraph, kind: int, call: int, states: NDArray[np.int64], outer: Floats, inner: Floats, move_value: Floats
 ) -> tuple[Floats, NDArray[np.int64]]:
     """(value of what an entry calls, the move it begins with) in each state of a kind."""
@@ -110,7 +110,7 @@ def _called(
     first_move = np.zeros(len(states), np.int64)
     task = child - graph.n_actions
     for below in range(graph.begin[kind, task], graph.end[kind, task]):
-        value, move = _called(graph, kind, below, states, outer, inner, move_value)
+        value, move = of_call(graph, kind, below, states, outer, inner, move_value)
         entry = graph.first[states] + below
         by = value + inner[entry]
         better = by > best

@@ -7,6 +7,7 @@ one entry in each state in which the task lives; states of one kind have the sam
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
+import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
@@ -84,21 +85,24 @@ class TaskGraph:
             ]
         }
 
-    def callers(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-        """(start, caller): for kind c and child j, rows start[c * (A + T) + j] .. of ``caller`` are what calls it.
+    @property
+    def simple(self) -> NDArray[np.bool_]:
+        """(T,) whether a task calls moves only."""
+        found = np.ones(len(self), np.bool_)
+        found[[task for task, child in self._calls() if child >= self.n_actions]] = False
+        return found
 
-        Each row: the entry, the task whose it is, and where the entries of that task begin and end.
+    def bottom_up(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+        """(start, order): the tasks besides the root that live in kind c, order[start[c]] .. order[start[c + 1]].
+
+        Each comes after all that it calls.
         """
-        n_children = self.n_actions + len(self)
-        found: list[list[tuple[int, int, int, int]]] = [[] for _ in range(len(self.begin) * n_children)]
-        for kind in range(len(self.begin)):
-            for task in np.flatnonzero(self.end[kind] > self.begin[kind]).tolist():
-                begin, end = int(self.begin[kind, task]), int(self.end[kind, task])
-                for entry in range(begin, end):
-                    child = int(self.child[self.child_start[kind] + entry])
-                    found[kind * n_children + child].append((entry, task, begin, end))
-        start = np.concatenate([[0], np.cumsum([len(rows) for rows in found])])
-        return start, np.array([row for rows in found for row in rows], np.int32).reshape(-1, 4)
+        below = nx.DiGraph((child - self.n_actions, task) for task, child in self._calls() if child >= self.n_actions)
+        below.add_nodes_from(range(len(self)))
+        order = [task for task in nx.topological_sort(below) if task > 0]
+        lives = (self.end > self.begin)[:, order]
+        start = np.concatenate([[0], np.cumsum(lives.sum(axis=1))])
+        return start, np.array(order, np.int32)[np.nonzero(lives)[1]]
 
     @classmethod
     def from_tasks(cls, tasks: Sequence[Task], world: GridWorld | TabularMDP) -> "TaskGraph":
@@ -130,7 +134,7 @@ class TaskGraph:
 
     @classmethod
     def from_landmarks(
-        cls, ways: LandmarkWays, landmark_of: NDArray[np.int32], failing: float, primitives: bool = True
+        cls, ways: LandmarkWays, landmark_of: NDArray[np.int32], failing: float, primitives: bool = False
     ) -> "TaskGraph":
         """The root calls "go to landmark l within region g", which calls moves.
 

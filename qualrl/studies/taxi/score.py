@@ -98,7 +98,7 @@ def obeying(learner: MaxqLearner, table: TabularMDP, starts: States) -> tuple[Ta
     waiting, rows, terminal = list(nodes), list[list[tuple[float, int, float]]](), list[bool]()
     for state, running in waiting:  # grows on the way
         ended = bool(table.terminal[state])
-        now, move, _ = ((), 0, True) if ended else learner._step(state, running)
+        now, move, _ = ((), 0, True) if ended else learner.greedy_step(state, running)
         row = state * table.n_actions + move
         outcomes = list[tuple[float, int, float]]()
         for entry in range(int(table.row_start[row]), int(table.row_start[row + 1])):
