@@ -17,7 +17,7 @@ from itertools import product
 from math import inf
 from typing import Any
 
-import sympy as sp  # type: ignore[import-untyped]
+import sympy as sp
 
 from qualrl.qualitative.eventual import (
     K,

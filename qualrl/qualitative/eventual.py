@@ -18,8 +18,8 @@ from fractions import Fraction
 from math import prod
 from typing import Any
 
-import sympy as sp  # type: ignore[import-untyped]
-from sympy.series.gruntz import gruntz  # type: ignore[import-untyped]
+import sympy as sp
+from sympy.series.gruntz import gruntz
 from sympy.series.gruntz import sign as gruntz_sign
 
 from qualrl.qualitative.expression import Name, Node, Number, Operation

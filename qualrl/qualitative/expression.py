@@ -119,7 +119,7 @@ def _nearest(value: Fraction) -> float:
 
 def in_sympy(tree: Node) -> Any:
     """The tree as a sympy expression of positive symbols."""
-    import sympy  # type: ignore[import-untyped]
+    import sympy
 
     if isinstance(tree, Number):
         return sympy.Rational(tree.value.numerator, tree.value.denominator)

@@ -94,7 +94,7 @@ class Formula:
         sympy simplifies at once, which a hostile formula can make slow; what must end in time is proved in a process
         of its own, see ``convergence``.
         """
-        import sympy  # type: ignore[import-untyped]
+        import sympy
 
         found = in_sympy(self.tree)
         if found.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):

@@ -51,7 +51,7 @@ def landmark_weights(eta0: float, m: float) -> LandmarkWeights:
 @cache
 def ratio_line() -> str:
     """The step of the proof that holds for every eta0 and m, as sympy confirms it."""
-    import sympy as sp  # type: ignore[import-untyped]
+    import sympy as sp
 
     size, growth = sp.symbols("L d", positive=True)
     n = sp.Symbol("n", integer=True, nonnegative=True)
@@ -67,7 +67,7 @@ def ratio_line() -> str:
 
 def _bounded(eta0: str, m: str) -> tuple[tuple[float, float], tuple[float, float], int]:
     """Bounds of the sum and of the product, and how many terms they took."""
-    import mpmath  # type: ignore[import-untyped]
+    import mpmath
 
     numbers = mpmath.ctx_iv.MPIntervalContext()
     numbers.dps = DIGITS

@@ -9,7 +9,7 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
-import sympy as sp  # type: ignore[import-untyped]
+import sympy as sp
 
 from qualrl.qualitative.bertrand import DependsOnParameterError, Sum, decide_sum
 from qualrl.qualitative.eventual import UndecidedError
