@@ -14,20 +14,19 @@ from numpy.typing import NDArray
 
 from qualrl.kernels.jit import compiled_bare, compiled_inline
 from qualrl.kernels.stepping import (
-    EPISODE,
     OWN_REAL,
     OWN_WHOLE,
-    RETURN,
-    STATE,
-    STEPS,
     Floats,
     below,
     draw,
+    ended,
     greedy,
     largest,
+    left_off,
     moved_on,
     next_rate,
     rate_at,
+    resumed,
     started,
 )
 
@@ -139,12 +138,12 @@ def run_steps(
     alpha, gamma = rates.alpha, rates.gamma
     max_steps = rates.max_steps
     explore = uint64(rates.epsilon * 4294967296.0)
-    r0, r1, r2, r3 = progress.stream[0], progress.stream[1], progress.stream[2], progress.stream[3]
+    r0, r1, r2, r3, at_first, t, episode, total = resumed(progress)
     whole, real = progress.whole, progress.real
-    s, t, episode = uint64(whole[STATE]), whole[STEPS], whole[EPISODE]
+    s = uint64(at_first)
     landmark, left_at, left_by = whole[LANDMARK], whole[LEFT_AT], whole[LEFT_BY]
     eta_steps = whole[ETA_STEPS]
-    total, macro_return, macro_discount = real[RETURN], real[MACRO_RETURN], real[MACRO_DISCOUNT]
+    macro_return, macro_discount = real[MACRO_RETURN], real[MACRO_DISCOUNT]
     episodes = progress.steps.size
     done = 0
     while done < n_steps and episode < episodes:
@@ -204,12 +203,8 @@ def run_steps(
                 landmark, left_at = here, -1
         s = s2
         if over or t >= max_steps:
-            progress.steps[episode] = t
-            progress.returns[episode] = total
-            episode += 1
-            t = 0
-    progress.stream[0], progress.stream[1], progress.stream[2], progress.stream[3] = r0, r1, r2, r3
-    whole[STATE], whole[STEPS], whole[EPISODE] = s, t, episode
+            t, episode = ended(progress, t, episode, total)
+    left_off(progress, r0, r1, r2, r3, s, t, episode, total)
     whole[LANDMARK], whole[LEFT_AT], whole[LEFT_BY], whole[ETA_STEPS] = landmark, left_at, left_by, eta_steps
-    real[RETURN], real[MACRO_RETURN], real[MACRO_DISCOUNT] = total, macro_return, macro_discount
+    real[MACRO_RETURN], real[MACRO_DISCOUNT] = macro_return, macro_discount
     return done

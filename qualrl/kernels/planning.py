@@ -14,18 +14,7 @@ from qualrl.kernels.experience import remember
 from qualrl.kernels.exploring import asked_for, note_move
 from qualrl.kernels.jit import compiled_bare
 from qualrl.kernels.replay import take_in
-from qualrl.kernels.stepping import (
-    EPISODE,
-    OWN_WHOLE,
-    RETURN,
-    STATE,
-    STEPS,
-    below,
-    draw,
-    greedy,
-    happened,
-    started,
-)
+from qualrl.kernels.stepping import OWN_WHOLE, below, draw, ended, greedy, happened, left_off, resumed, started
 from qualrl.kernels.sweeping import learn_by_sweeping
 
 TRIED, HEAPED = range(OWN_WHOLE, OWN_WHOLE + 2)
@@ -53,10 +42,9 @@ def run_planning(
     n_actions = len(actions)
     gamma, max_steps = rates.gamma, rates.max_steps
     explored = uint64(rates.epsilon * 4294967296.0)
-    r0, r1, r2, r3 = progress.stream[0], progress.stream[1], progress.stream[2], progress.stream[3]
-    whole, real = progress.whole, progress.real
-    s, t, episode = uint64(whole[STATE]), whole[STEPS], whole[EPISODE]
-    tried, size, total = whole[TRIED], whole[HEAPED], real[RETURN]
+    r0, r1, r2, r3, at_first, t, episode, total = resumed(progress)
+    whole = progress.whole
+    s, tried, size = uint64(at_first), whole[TRIED], whole[HEAPED]
     episodes = progress.steps.size
     done = 0
     while done < n_steps and episode < episodes:
@@ -87,11 +75,7 @@ def run_planning(
         done += 1
         s = s2
         if over or t >= max_steps:
-            progress.steps[episode] = t
-            progress.returns[episode] = total
-            episode += 1
-            t = 0
-    progress.stream[0], progress.stream[1], progress.stream[2], progress.stream[3] = r0, r1, r2, r3
-    whole[STATE], whole[STEPS], whole[EPISODE] = s, t, episode
-    whole[TRIED], whole[HEAPED], real[RETURN] = tried, size, total
+            t, episode = ended(progress, t, episode, total)
+    left_off(progress, r0, r1, r2, r3, s, t, episode, total)
+    whole[TRIED], whole[HEAPED] = tried, size
     return done

@@ -12,7 +12,7 @@ import numpy as np
 from numba import int64, uint64
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled_part
+from qualrl.kernels.jit import compiled_inline, compiled_part
 
 Floats = NDArray[np.float64]
 
@@ -227,3 +227,28 @@ def started(starts: Any, r0: Any, r1: Any, r2: Any, r3: Any) -> Any:
         u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
         s = uint64(starts[below(u, starts.size)])
     return s, r0, r1, r2, r3
+
+
+@compiled_inline
+def resumed(progress: Any) -> Any:
+    """Where a run stands: (the stream, state, step of the episode, number of the episode, its return so far)."""
+    stream, whole = progress.stream, progress.whole
+    return (
+        stream[0], stream[1], stream[2], stream[3], whole[STATE], whole[STEPS], whole[EPISODE], progress.real[RETURN]
+    )  # fmt: skip
+
+
+@compiled_inline
+def ended(progress: Any, t: Any, episode: Any, total: Any) -> Any:
+    """Write an episode down.  Returns the step and the number that the next one begins with."""
+    progress.steps[episode] = t
+    progress.returns[episode] = total
+    return 0, episode + 1
+
+
+@compiled_inline
+def left_off(progress: Any, r0: Any, r1: Any, r2: Any, r3: Any, s: Any, t: Any, episode: Any, total: Any) -> Any:
+    """Write down where a run stands, for ``resumed``."""
+    progress.stream[0], progress.stream[1], progress.stream[2], progress.stream[3] = r0, r1, r2, r3
+    progress.whole[STATE], progress.whole[STEPS], progress.whole[EPISODE] = s, t, episode
+    progress.real[RETURN] = total

@@ -21,16 +21,15 @@ from numpy.typing import NDArray
 
 from qualrl.kernels.jit import compiled_bare, compiled_inline, compiled_part
 from qualrl.kernels.stepping import (
-    EPISODE,
     OWN_WHOLE,
-    RETURN,
-    STATE,
-    STEPS,
     Floats,
     below,
     draw,
+    ended,
+    left_off,
     moved_on,
     next_rate,
+    resumed,
     started,
 )
 
@@ -178,10 +177,8 @@ def run_steps(
     n_tasks = graph.simple.size
     alpha, gamma = rates.alpha, rates.gamma
     explore = uint64(rates.epsilon * 4294967296.0)
-    r0, r1, r2, r3 = progress.stream[0], progress.stream[1], progress.stream[2], progress.stream[3]
-    whole, real = progress.whole, progress.real
-    s, t, episode, depth = whole[STATE], whole[STEPS], whole[EPISODE], whole[DEPTH]
-    total = real[RETURN]
+    r0, r1, r2, r3, s, t, episode, total = resumed(progress)
+    depth = progress.whole[DEPTH]
     call_task, call_entry, call_state, call_when = calls
     episodes = progress.steps.size
     done = 0
@@ -250,11 +247,7 @@ def run_steps(
                 known = False  # what was just learned may have changed it
                 break
         if over or t >= rates.max_steps:
-            progress.steps[episode] = t
-            progress.returns[episode] = total
-            episode += 1
-            t = 0
-    progress.stream[0], progress.stream[1], progress.stream[2], progress.stream[3] = r0, r1, r2, r3
-    whole[STATE], whole[STEPS], whole[EPISODE], whole[DEPTH] = s, t, episode, depth
-    real[RETURN] = total
+            t, episode = ended(progress, t, episode, total)
+    left_off(progress, r0, r1, r2, r3, s, t, episode, total)
+    progress.whole[DEPTH] = depth
     return done

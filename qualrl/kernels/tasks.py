@@ -15,16 +15,15 @@ from numpy.typing import NDArray
 
 from qualrl.kernels.jit import compiled, compiled_bare, compiled_inline, compiled_part
 from qualrl.kernels.stepping import (
-    EPISODE,
     OWN_REAL,
     OWN_WHOLE,
-    RETURN,
-    STATE,
-    STEPS,
     below,
     draw,
+    ended,
+    left_off,
     moved_on,
     next_rate,
+    resumed,
     started,
 )
 
@@ -300,11 +299,10 @@ def run_steps(
     n_actions = len(actions)
     alpha, gamma = rates.alpha, rates.gamma
     explore = uint64(rates.epsilon * 4294967296.0)
-    r0, r1, r2, r3 = progress.stream[0], progress.stream[1], progress.stream[2], progress.stream[3]
+    r0, r1, r2, r3, s, t, episode, total = resumed(progress)
     whole, real = progress.whole, progress.real
-    s, t, episode = whole[STATE], whole[STEPS], whole[EPISODE]
     running, pending = whole[RUNNING], whole[PENDING]
-    total, gain, discount = real[RETURN], real[GAIN], real[DISCOUNT]
+    gain, discount = real[GAIN], real[DISCOUNT]
     n_options = rows.position.size // (rows.option_start.size - 1)
     episodes = progress.steps.size
     done = 0
@@ -369,12 +367,7 @@ def run_steps(
             _learn(q, visits, alpha, pending, gain)
         here = there
         if over or t >= rates.max_steps:
-            progress.steps[episode] = t
-            progress.returns[episode] = total
-            episode += 1
-            t = 0
-    progress.stream[0], progress.stream[1], progress.stream[2], progress.stream[3] = r0, r1, r2, r3
-    whole[STATE], whole[STEPS], whole[EPISODE] = s, t, episode
-    whole[RUNNING], whole[PENDING] = running, pending
-    real[RETURN], real[GAIN], real[DISCOUNT] = total, gain, discount
+            t, episode = ended(progress, t, episode, total)
+    left_off(progress, r0, r1, r2, r3, s, t, episode, total)
+    whole[RUNNING], whole[PENDING], real[GAIN], real[DISCOUNT] = running, pending, gain, discount
     return done

@@ -15,19 +15,18 @@ from numpy.typing import NDArray
 
 from qualrl.kernels.jit import compiled_bare, compiled_part
 from qualrl.kernels.stepping import (
-    EPISODE,
     OWN_REAL,
     OWN_WHOLE,
-    RETURN,
-    STATE,
-    STEPS,
     Floats,
     below,
     draw,
+    ended,
     greedy,
     largest,
+    left_off,
     moved_on,
     next_rate,
+    resumed,
     started,
 )
 
@@ -100,11 +99,10 @@ def run_ahead(
     n_actions = len(actions)
     alpha, gamma = rates.alpha, rates.gamma
     explore = uint64(rates.epsilon * 4294967296.0)
-    r0, r1, r2, r3 = progress.stream[0], progress.stream[1], progress.stream[2], progress.stream[3]
+    r0, r1, r2, r3, at_first, t, episode, total = resumed(progress)
     whole, real = progress.whole, progress.real
-    s, t, episode = uint64(whole[STATE]), whole[STEPS], whole[EPISODE]
-    a, size = uint64(whole[NEXT]), whole[ON_TRACE]
-    total, owed, fade = real[RETURN], real[OWED], real[FADE]
+    s, a, size = uint64(at_first), uint64(whole[NEXT]), whole[ON_TRACE]
+    owed, fade = real[OWED], real[FADE]
     episodes = progress.steps.size
     done = 0
     while done < n_steps and episode < episodes:
@@ -154,11 +152,7 @@ def run_ahead(
         done += 1
         s = s2
         if over or t >= rates.max_steps:
-            progress.steps[episode] = t
-            progress.returns[episode] = total
-            episode += 1
-            t = 0
-    progress.stream[0], progress.stream[1], progress.stream[2], progress.stream[3] = r0, r1, r2, r3
-    whole[STATE], whole[STEPS], whole[EPISODE], whole[NEXT], whole[ON_TRACE] = s, t, episode, a, size
-    real[RETURN], real[OWED], real[FADE] = total, owed, fade
+            t, episode = ended(progress, t, episode, total)
+    left_off(progress, r0, r1, r2, r3, s, t, episode, total)
+    whole[NEXT], whole[ON_TRACE], real[OWED], real[FADE] = a, size, owed, fade
     return done
