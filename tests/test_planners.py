@@ -14,6 +14,7 @@ from qualrl.learning.rules import RULES, Loop
 from qualrl.learning.settings import LearnSettings
 from qualrl.learning.trainer import start_learner, train
 from qualrl.models.grid_world import GridWorld
+from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.models.tabular_mdp import TabularMDP
 from tests import oracles_learning
 from tests.learning_worlds import World, random_table, rooms, table_model, table_models
@@ -166,6 +167,32 @@ def test_replayed_values_grow_towards_the_optimum_and_never_pass_it(model, n_ste
         assert (q <= optimum + 1e-9).all()
         assert (q >= known - 1e-9).all()
         known = q
+
+
+@given(table_models(most_outcomes=1), st.integers(0, 50))
+@settings(max_examples=60, deadline=None)
+def test_curiosity_alone_finds_the_best_way_among_bad_ends(model, seed):
+    """Without chance and without epsilon: what was never tried must not be left for an end that is known."""
+    learner = start_learner(model, "hql-replay", LearnSettings(episodes=10**6, epsilon=0.0, max_steps=60), seed)
+    learner.advance(30_000)
+    best = World(model).dense().optimal()[model.start].max()
+    assert learner.learned().q[model.start].max() == pytest.approx(best, abs=1e-6)  # of what is let go
+
+
+@pytest.mark.parametrize("max_steps", [100, None])
+def test_what_was_seen_does_not_wait_for_an_end_that_never_comes(max_steps):
+    """Two states of one region, left once in ten million steps: no qualitative transition brings a replay about."""
+    rows = {
+        0: {0: [(1.0, 0, -1.0, False)], 1: [(1.0, 1, -2.0, False)]},
+        1: {0: [(1.0, 0, -1.0, False)], 1: [(1 - 1e-7, 1, -0.1, False), (1e-7, 2, 0.0, True)]},
+        2: {0: [(1.0, 2, 0.0, True)], 1: [(1.0, 2, 0.0, True)]},
+    }
+    model = HybridMDP.from_table(TabularMDP.from_outcomes(rows, 0.9), ["here", "here", "there"], 0)
+    chosen = LearnSettings(episodes=10**6, epsilon=0.1, max_steps=max_steps)
+    learner = start_learner(model, "hql-replay", chosen, 0)
+    learner.advance(20_000)
+    optimum = World(model).dense().optimal()
+    np.testing.assert_allclose(learner.learned().q[:2], optimum[:2], atol=1e-3)
 
 
 @given(table_models(most_outcomes=1), st.integers(1, 1000), st.integers(0, 50))

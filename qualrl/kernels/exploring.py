@@ -10,7 +10,7 @@ from numba import int64, uint64
 from qualrl.kernels.experience import likeliest
 from qualrl.kernels.jit import compiled_inline, compiled_part
 from qualrl.kernels.replay import CAME_BY, CAME_FROM, CLOCK, NEEDED, PATH_LEFT, PATIENCE, RETRY_AT, STAMP
-from qualrl.kernels.stepping import below
+from qualrl.kernels.stepping import below, is_end
 
 MOST_PATIENCE = 64
 NEVER = 2**60
@@ -125,6 +125,8 @@ def _search(
                 return 0, n
         x = uint64(levels.queue[head])
         head += 1
+        if is_end(grid, table, x):
+            continue  # nothing is ever tried there, and nothing to be
         if untried(seen.tries, needed, x, uint64(0), n_actions) >= 0:
             if levels.relevant[levels.region_of[x]]:
                 return _lay_path(levels, s, x, n_actions), n

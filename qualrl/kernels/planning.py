@@ -69,7 +69,8 @@ def run_planning(
             size = learn_by_sweeping(grid, slip, table, seen, heap, gamma, q, value, size, s, row + a, a, n_actions)
         if levels is not None:
             note_move(levels, s, a, s2, n_actions)
-            take_in(grid, slip, table, seen, levels, gamma, q, value, s, a, s2, over, differs, changed, n_actions)
+            last = over or t + 1 >= max_steps
+            take_in(grid, slip, table, seen, levels, gamma, q, value, s, a, s2, last, differs, changed, n_actions)
         total += reward
         t += 1
         done += 1

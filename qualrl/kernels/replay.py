@@ -16,11 +16,11 @@ from qualrl.kernels.jit import compiled_inline, compiled_part
 from qualrl.kernels.stepping import Floats, largest
 
 # Slots of Levels.notes and of Levels.budget
-STAMP, WAITING, PATH_LEFT, RETRY_AT, CLOCK, NEEDED, PATIENCE, CAME_FROM, CAME_BY, NOTES = range(10)
+STAMP, WAITING, PATH_LEFT, RETRY_AT, CLOCK, REPLAYED_AT, NEEDED, PATIENCE, CAME_FROM, CAME_BY, NOTES = range(11)
 CREDIT, LET_GO, BUDGET = range(3)
 TOLERANCE = 1e-10
 """Relative change of a value that is not passed on, as long as no move was seen to slip."""
-SLIPPERY_TOLERANCE = 0.01
+SLIPPERY_TOLERANCE = 0.002
 """The same once moves slip, times 1 - gamma: the error left is a share of the value that falls as 1 / sqrt(steps),
 as that of the frequencies does, only smaller."""
 
@@ -98,11 +98,13 @@ def to_change(q: Any, value: Any, s: Any, tolerance: Any, n_actions: Any) -> Any
 @compiled_inline
 def take_in(
     grid: Any, slip: Any, table: Any, seen: Any, levels: Any, gamma: Any, q: Any, value: Any, s: Any, a: Any, s2: Any,
-    over: Any, differs: Any, changed: Any, n_actions: Any,
+    last: Any, differs: Any, changed: Any, n_actions: Any,
 ) -> Any:  # fmt: skip
     """Back up what was just seen, and at a qualitative transition replay what it changes.
 
-    differs, changed: see ``experience.remember``.
+    The end of an episode is one too, and at the latest after S steps something is replayed: where the robot goes
+    about in one region for long, what it saw must not wait for ever.
+    last: whether the episode is over, or cut off.  differs, changed: see ``experience.remember``.
     """
     notes, budget = levels.notes, levels.budget
     row = s * uint64(n_actions) + a
@@ -128,7 +130,9 @@ def take_in(
     if notes[WAITING] > 0:
         here = levels.landmark_of[s2]
         arrived = here >= 0 and here != levels.landmark_of[s]
-        if over or arrived or levels.region_of[s] != levels.region_of[s2]:
+        late = notes[CLOCK] - notes[REPLAYED_AT] >= value.size
+        if last or late or arrived or levels.region_of[s] != levels.region_of[s2]:
+            notes[REPLAYED_AT] = notes[CLOCK]
             replay(grid, slip, table, seen, levels, gamma, q, value, n_actions)
 
 

@@ -220,6 +220,16 @@ def moved_on(
 
 
 @compiled_part
+def is_end(grid: Any, table: Any, s: Any) -> Any:
+    """Whether an episode ends in a state."""
+    if grid is not None:
+        ends = s == uint64(grid.goal)
+    if table is not None:
+        ends = table.terminal[s]
+    return ends
+
+
+@compiled_part
 def started(starts: Any, r0: Any, r1: Any, r2: Any, r3: Any) -> Any:
     """Where an episode starts: (state, the stream).  No draw where there is but one."""
     s = uint64(starts[0])

@@ -9,11 +9,12 @@ r + gamma max Q(s', .) over all outcomes of a in s so far, tried actions only.  
 every state that can be come back to is tried infinitely often, so the frequencies tend to the true probabilities
 with probability 1 (the strong law; as a Robbins-Monro step this is alpha_k = 1/k, which meets Theorem 2).  (2) The
 optimal values of a finite discounted MDP depend continuously on its probabilities.  (3) A state whose value changed
-by more than the tolerance waits in its region, regions are replayed at every qualitative transition within a budget
-that never runs out for good, and each backup is a contraction by gamma: asynchronous value iteration (Bertsekas and
-Tsitsiklis 1989, section 4.3) follows the moving fixed point.  Unlike the eta of Algorithm 2, nothing handed down by
-the qualitative level is an estimate of its own: it only says which regions are replayed, in which order, and where
-to explore.  So no bias is left to fade, under slip either.
+by more than the tolerance waits in its region; regions are replayed at every qualitative transition, at the end of
+every episode and at the latest after S steps, within a budget that never runs out for good; and each backup is a
+contraction by gamma: asynchronous value iteration (Bertsekas and Tsitsiklis 1989, section 4.3) follows the moving
+fixed point. Unlike the eta of Algorithm 2, nothing handed down by the qualitative level is an estimate of its own: it
+only says which regions are replayed, in which order, and where to explore.  So no bias is left to fade, under slip
+either.  With epsilon 0 an action of chance is tried ``tries`` times and then believed, which may have been bad luck.
 """
 
 from typing import Any, cast

@@ -128,7 +128,7 @@ RULES = {
             "prioritized sweeping",
             "Moore and Atkeson 1993",
             Loop.PLANNING,
-            FLAT,
+            FLAT + ", but for changes up to planning_threshold, which it lets go",
             planner=Planner.HEAP,
         ),
         LearningRule(
