@@ -134,6 +134,15 @@ def test_the_interval_of_a_ratio_holds_the_true_one_about_as_often_as_it_says():
 def test_few_runs_are_judged_by_their_extremes():
     ratio = statistics.ratio_of_medians(np.array([1.0, 3.0]), np.array([2.0, 4.0]))
     assert ratio == Spread(2 / 3, 0.25, 1.5)
+    assert statistics.ratio_of_medians(np.array([1.0]), np.array([2.0, 4.0])) == Spread(1 / 3, 0.0, np.inf)
+    assert statistics.median_interval(np.array([3.0, 1.0, 2.0])) == Spread(2.0, 1.0, 3.0)
+    assert statistics.median_interval(np.array([3.0])) == Spread(3.0, -np.inf, np.inf)
+
+
+def test_the_interval_of_a_median_holds_the_true_one_about_as_often_as_it_says():
+    random = np.random.default_rng(6)
+    found = [statistics.median_interval(random.exponential(1, 30)) for _ in range(200)]
+    assert 180 <= sum(one.low <= np.log(2) <= one.high for one in found) < 200
 
 
 # --- verdicts, each way ---
@@ -237,6 +246,37 @@ def test_runs_cut_short_are_told_and_are_no_likeness():
     found = says(claim(rule="alike", of="A", than="B", margin=0.5), runs)
     assert found.verdict == "not reproduced"
     assert "no run converged in time" in found.measured
+
+
+def test_lower_bounds_are_not_small():
+    """Runs that were cut off at 100 may have needed any number; as what is claimed to be larger they will do."""
+    ended, cut = fake(converged=150), fake(1, missing=N, converged=100)
+    runs = {Cell("A", "hql", 0.01, 0.01): cut, Cell("B", "hql", 0.01, 0.01): ended}
+    assert says(claim(rule="less", of="A", than="B"), runs).verdict == "not reproduced"
+    ended.measures["converged"] /= 2
+    assert says(claim(rule="less", of="B", than="A"), runs).verdict == "reproduced"
+    assert says(claim(rule="about", of="A", paper=100), runs).verdict == "not reproduced"
+    along = {Cell("A", "hql", 0.1, 0.01): fake(converged=150), Cell("A", "hql", 0.2, 0.01): cut}
+    assert says(claim(rule="falling", of="A", along="alpha"), along).verdict == "not reproduced"
+
+
+def test_what_a_few_runs_survived_to_show_decides_nothing():
+    few, all_of_them = fake(mean_after=30), fake(mean_after=36)
+    few.measures["mean_after"][1:] = np.nan
+    runs = {Cell("A", "hql", 0.01, 0.01): few, Cell("B", "hql", 0.01, 0.01): all_of_them}
+    found = says(claim(rule="less", measure="mean_after", of="A", than="B"), runs)
+    assert found.verdict == "not reproduced"
+    assert found.measured == f"to be measured in only 1 of {N} runs"
+
+
+def test_scatter_does_not_make_a_number_come_out():
+    random = np.random.default_rng(2)
+    for median, expected in ((267, "not reproduced"), (1000, "not reproduced"), (1000, "reproduced")):
+        wild = fake()
+        scatter = 0.02 if expected == "reproduced" else 1.0
+        wild.measures["converged"] = median * np.exp(scatter * random.standard_normal(N))
+        runs = {Cell("A", "hql", 0.01, 0.01): wild}
+        assert says(claim(rule="about", of="A", paper=1000), runs).verdict == expected
 
 
 def test_nothing_is_left_out_silently():

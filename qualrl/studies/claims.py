@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from qualrl.studies.measures import Measure
-from qualrl.studies.statistics import Floats, Spread, number, ratio_of_medians, share, spread
+from qualrl.studies.statistics import Floats, Spread, median_interval, number, ratio_of_medians, share, spread
 
 REPRODUCED, NOT_REPRODUCED, NOT_MEASURED = "reproduced", "not reproduced", "not measured"
 
@@ -63,7 +63,7 @@ class _Claim(Strict):
 
 
 class About(_Claim):
-    """A number: the interval of 95 % of the runs meets the paper's number, give or take a share of it."""
+    """A number: the median's interval lies within the paper's number, give or take a share of it."""
 
     rule: Literal["about"]
     paper: float
@@ -71,8 +71,8 @@ class About(_Claim):
 
     def judge(self, samples: Sequence[Floats]) -> Finding:
         """See the class."""
-        found = spread(samples[0])
-        holds = found.low <= self.paper * (1 + self.within) and found.high >= self.paper * (1 - self.within)
+        found = median_interval(samples[0])
+        holds = self.paper * (1 - self.within) <= found.low and found.high <= self.paper * (1 + self.within)
         return Finding(holds, str(found), found)
 
 

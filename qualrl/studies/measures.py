@@ -17,6 +17,10 @@ Measure = Literal[
 ]  # fmt: skip
 MEASURES: tuple[Measure, ...] = get_args(Measure)[:9]
 """Of runs that are given episodes; those of runs on a budget of steps follow from ``converges`` on."""
+UNTIL_CONVERGED: tuple[Measure, ...] = (
+    "converged", "steps_until", "mean_before", "mean_after", "sd_after", "env_steps", "cpu_seconds",
+)  # fmt: skip
+"""Those that say little of a run which did not converge."""
 WORDS: dict[Measure, str] = {
     "converged": "episodes until convergence",
     "converges": "converged within the run (1 or 0)",

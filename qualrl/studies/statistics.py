@@ -46,19 +46,34 @@ def spread(sample: Floats) -> Spread:
     return Spread(float(median), float(low), float(high))
 
 
+def median_interval(sample: Floats) -> Spread:
+    """Median of N runs and the interval of that median, by the percentile bootstrap."""
+    median = float(np.median(sample))
+    if len(sample) < 2:
+        return Spread(median, float("-inf"), float("inf"))
+    if len(sample) < FEW:
+        return Spread(median, float(sample.min()), float(sample.max()))
+    low, high = np.percentile(_resampled_medians(sample, np.random.default_rng(0)), (TAILS[0], TAILS[2]))
+    return Spread(median, float(low), float(high))
+
+
+def _resampled_medians(sample: Floats, random: np.random.Generator) -> Floats:
+    medians: Floats = np.median(sample[random.integers(len(sample), size=(RESAMPLES, len(sample)))], axis=1)
+    return medians
+
+
 def ratio_of_medians(upper: Floats, lower: Floats) -> Spread:
     """Median of ``upper`` over median of ``lower``; its interval by the percentile bootstrap (Efron 1979).
 
     The resampling has a stream of its own, so the same runs always give the same interval.
     """
     ratio = float(np.median(upper) / np.median(lower))
+    if min(len(upper), len(lower)) < 2:
+        return Spread(ratio, 0.0, float("inf"))
     if min(len(upper), len(lower)) < FEW:
         return Spread(ratio, float(upper.min() / lower.max()), float(upper.max() / lower.min()))
     random = np.random.default_rng(0)
-    resampled = [
-        np.median(sample[random.integers(len(sample), size=(RESAMPLES, len(sample)))], axis=1)
-        for sample in (upper, lower)
-    ]
+    resampled = [_resampled_medians(sample, random) for sample in (upper, lower)]
     low, high = np.percentile(resampled[0] / resampled[1], (TAILS[0], TAILS[2]))
     return Spread(ratio, float(low), float(high))
 

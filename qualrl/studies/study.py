@@ -15,12 +15,12 @@ from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.studies.budget import QUICK, Course, run_budget
 from qualrl.studies.claims import (
     NOT_MEASURED,
-    Alike,
     Claim,
     Coefficient,
     Falling,
     Finding,
     Judged,
+    Less,
     Selector,
     Share,
     Unmeasured,
@@ -28,6 +28,7 @@ from qualrl.studies.claims import (
 )
 from qualrl.studies.courses import course_of
 from qualrl.studies.law.score import Fits, corridor_cells, corridor_mazes, fits
+from qualrl.studies.measures import UNTIL_CONVERGED
 from qualrl.studies.running import CORRIDOR, PUZZLE, Cell, Runs, cells_of, run_cells
 from qualrl.studies.settings import StudySettings, load_study
 
@@ -174,17 +175,26 @@ def selected(selector: Selector, runs: Mapping[Cell, Runs]) -> list[Cell]:
 
 
 def _found(claim: Claim, picked: list[Runs]) -> Finding:
-    """A finding, with a warning where runs ended before they converged: their numbers are lower bounds."""
+    """A finding, with a warning where runs ended before they converged: their numbers are lower bounds.
+
+    Lower bounds of most runs say nothing of what is claimed to be small, or alike, or a certain number.
+    """
     assert not isinstance(claim, Coefficient | Unmeasured)
     samples = [runs.measures[claim.measure] for runs in picked]
     there = [sample[~np.isnan(sample)] for sample in samples]
     if not all(len(sample) for sample in there):
         return Finding(False, "nothing to measure in any run")
+    kept, of = min(
+        ((len(kept), len(sample)) for kept, sample in zip(there, samples, strict=True)), key=lambda n: n[0] / n[1]
+    )
+    if 2 * kept < of:
+        return Finding(False, f"to be measured in only {kept} of {of} runs")
     found = claim.judge(there)
     short = [int((runs.measures["converges"] == 0).sum()) for runs in picked]
-    if claim.measure == "converges" or not any(short):
+    if claim.measure not in UNTIL_CONVERGED or not any(short):
         return found
-    holds = found.holds and not (isinstance(claim, Alike) and max(short) > len(samples[0]) / 2)
+    bounds = {Less: short[:1], Falling: short[1:]}.get(type(claim), short)
+    holds = found.holds and max(bounds) <= len(samples[0]) / 2
     missed = "no run" if max(short) == len(samples[0]) else f"all but {max(short)} runs"
     return replace(found, holds=holds, text=f"{found.text}; {missed} converged in time")
 
