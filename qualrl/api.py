@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
+from types import UnionType
 from typing import Any
 
 from qualrl.errors import SettingError, UnknownNameError, did_you_mean
@@ -58,6 +59,7 @@ def build(
     and floors, the parts of the map that nothing connects.
     Raises UnknownNameError, PlaceError, ScenarioError or SettingError.
     """
+    _check("build", regions, RegionMap, "a RegionMap, from qualrl.segment")
     renamed = regions.renamed(names) if names else regions
     if landmarks is not None:
         renamed = with_landmarks(renamed, {name: read_place(place) for name, place in landmarks.items()})
@@ -91,6 +93,7 @@ def train(
     not know the map and sees what is near.
     Raises UnknownNameError for an unknown algorithm or setting, SettingError, or NoPlanError.
     """
+    _check("train", model, HybridMDP, "a HybridMDP, from qualrl.build or HybridMDP.from_table")
     known = setting_names()
     for name in settings:
         if name not in known:
@@ -101,6 +104,12 @@ def train(
     if changes:
         raise SettingError("a robot that does not know the map cannot be given changes of it too: drop one of the two")
     return training_of(train_online(model, algorithm, told, online, seed, watch))
+
+
+def _check(verb: str, given: object, wanted: type | UnionType, words: str) -> None:
+    """Raise TypeError for an argument that another verb makes."""
+    if not isinstance(given, wanted):
+        raise TypeError(f"{verb} needs {words}, got {type(given).__name__}")
 
 
 def training_of(run: LearningRun) -> Training:
@@ -116,6 +125,7 @@ def plan(
     Another goal than the model's own is always solved exactly, since values learned for one goal say
     nothing of another.  Raises NoPlanError when no way leads there.
     """
+    _check("plan", source, HybridMDP | Training, "a HybridMDP or a Training, from qualrl.build or qualrl.train")
     model = source.model if isinstance(source, Training) else source
     if goal is not None and (other := _with_goal(model, goal)) is not None:
         state, name = _start(other, start)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -194,12 +195,19 @@ WRONG = {
     "must be": ("learn", "rooms.scenario.yaml", "--episodes", "0"),
     "is a map, not a scenario; 'qualrl convert rooms.yaml'": ("run", "rooms.yaml"),
     "is a scenario, not a map": ("convert", "rooms.scenario.yaml"),
-    "rooms.scenario.yaml: goal: no place is called 'lab'": ("run", "rooms.scenario.yaml", "--set", "goal=lab"),
+    "--set goal: no place is called 'lab'": ("run", "rooms.scenario.yaml", "--set", "goal=lab"),
+    "rooms.scenario.yaml: start: no place is called": ("run", "rooms.scenario.yaml", "--set", "names={}"),
+    "start and goal are the same": ("learn", "rooms.scenario.yaml", "--set", "start=room B"),
+    "qualrl: --episodes: must be at least 1, got -3": ("run", "rooms.scenario.yaml", "--episodes", "-3"),
+    "--set learn.planning_steps: must be at most": ("run", "puzzle", "--set", "learn.planning_steps=1e12"),
+    "no bundled scenario; did you mean 'office'?": ("run", "ofice"),
+    "missing argument 'SCENARIO'": ("run",),
+    "what begins with - goes after --": ("prove", "schedule", "-1/(1+k)"),
     "printable": ("run", "rooms.scenario.yaml", "--set", 'names={room A: "A\\x1b]0;x"}'),
     "values would exceed": ("run", "rooms.scenario.yaml", "--set", "reward.step=-1e308"),
     "resolution must be": ("convert", "rooms.png", "--resolution", "1e-320"),
-    "No such command": ("lern",),
-    "No such option": ("run", "--hurry"),
+    "no such command 'lern'": ("lern",),
+    "no such option: --hurry": ("run", "--hurry"),
 }
 
 
@@ -212,6 +220,7 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(here, expected):
     out, err = qualrl(*WRONG[expected], cwd=here, expect=2)
     assert out == ""
     assert expected in err
+    assert err.count("\n") == 1
     assert sorted(os.listdir(here)) == before
 
 
@@ -294,6 +303,41 @@ def test_being_told_to_stop_leaves_nothing_behind(here):
     process.communicate(timeout=60)
     assert process.returncode == 143
     assert not (here / "a").exists()
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("learn", "office", "--set", "motion.slip=0.7", "--episodes", "1"),  # minutes of exact values
+        ("learn", "puzzle", "--algorithm", "dyna-q", "--set", "learn.planning_steps=1e5"),
+    ],
+)
+def test_ctrl_c_is_answered_at_once(here, command):
+    process = subprocess.Popen(
+        [sys.executable, str(ROOT / "cli.py"), *command, "-o", "a/b"], cwd=here, stderr=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )  # fmt: skip
+    deadline = time.monotonic() + 120
+    while not (here / "a").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(15)  # for the loops to be compiled, and to be at work
+    begun = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert time.monotonic() - begun < 5
+    assert (process.returncode, err) == (130, "")
+    assert not (here / "a").exists()
+
+
+def test_a_reader_who_has_gone_is_no_failed_check(here):
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "w") as gone:
+        done = subprocess.run(
+            [sys.executable, str(ROOT / "cli.py"), "show", "rooms.yaml"], cwd=here, stdout=gone, stderr=subprocess.PIPE,
+            text=True, check=False,
+        )  # fmt: skip
+    assert (done.returncode, done.stderr) == (141, "")
 
 
 def test_puzzle_drawing_of_the_tests_is_the_bundled_map():

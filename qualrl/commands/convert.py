@@ -7,16 +7,16 @@ from typing import Annotated
 import typer
 
 from qualrl.commands.console import PARSING, Console, guarded
-from qualrl.commands.options import AsJson, Debug, Output, Quiet
+from qualrl.commands.options import AsJson, Debug, Output, Quiet, Resolution
+
+GUESSED = "start and goal are only the centres of two regions far apart"
 
 
 @guarded
 def convert(
     source: Annotated[str, typer.Argument(metavar="MAP", help="A map: image, ROS map YAML, or MovingAI .map.")],
     output: Output = None,
-    resolution_m: Annotated[
-        float | None, typer.Option("--resolution", help="Metres a pixel, for an image without a map YAML.")
-    ] = None,
+    resolution_m: Resolution = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -24,7 +24,7 @@ def convert(
     """Turn a map into a hybrid MDP, with pictures, graph files and a scenario ready to edit and run."""
     from qualrl.commands.documents import file_list, map_document
     from qualrl.commands.inputs import found, is_scenario, output_folder
-    from qualrl.commands.results import result_folder, write_map_files
+    from qualrl.commands.results import SCENARIO_FILE, result_folder, write_map_files
     from qualrl.commands.tables import print_files, print_map
     from qualrl.errors import MapError
     from qualrl.io.read_map import read_map
@@ -50,6 +50,7 @@ def convert(
         print_files(target, names)
 
     console.result(document, for_people)
+    console.note(f"{GUESSED}; edit {target / SCENARIO_FILE} to change them")
 
 
 def _map_from(path: Path, folder: Path) -> str:

@@ -2,11 +2,9 @@
 
 from pathlib import Path
 
-from qualrl.errors import ScenarioError
-from qualrl.io.bundled import bundled_folder
+from qualrl.errors import ScenarioError, did_you_mean
+from qualrl.io.bundled import SCENARIO_SUFFIX, bundled_folder, bundled_names
 from qualrl.io.scenario import Scenario, load_scenario
-
-SCENARIO_SUFFIX = ".scenario.yaml"
 
 
 def found(argument: str, suffix: str) -> Path:
@@ -45,12 +43,19 @@ def scenario_of(
     path = found(argument, SCENARIO_SUFFIX)
     if path.is_file() and not is_scenario(path):
         raise ScenarioError(f"{path}: is a map, not a scenario; 'qualrl convert {path}' makes a scenario of it")
+    if not path.exists() and not path.suffix:
+        raise ScenarioError(
+            f"{path}: no such file, and no bundled scenario; {did_you_mean(path.name, bundled_names())}"
+        )
     scenario = load_scenario(path)
-    changes = list(settings or [])
-    changes += [] if algorithm is None else [f"learn.algorithm={algorithm}"]
-    changes += [] if episodes is None else [f"learn.episodes={episodes}"]
-    changes += [] if seed is None else [f"seed={seed}"]
-    return scenario.with_settings(changes) if changes else scenario
+    asked = {
+        "--algorithm": ("learn.algorithm", algorithm),
+        "--episodes": ("learn.episodes", episodes),
+        "--seed": ("seed", seed),
+    }
+    options = {f"{key}={value}": option for option, (key, value) in asked.items() if value is not None}
+    changes = [*(settings or []), *options]
+    return scenario.with_settings(changes, options) if changes else scenario
 
 
 def name_of(path: Path) -> str:

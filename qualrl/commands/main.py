@@ -1,8 +1,9 @@
 """The ``qualrl`` command: its subcommands, each in a file of its own."""
 
+import re
 import signal
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -49,4 +50,21 @@ app.add_typer(prove, name="prove")
 def main() -> None:
     """Run the command.  SIGTERM ends it as Ctrl-C does, so that nothing half-written stays behind."""
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
-    app()
+    try:
+        sys.exit(app(standalone_mode=False))
+    except Exception as error:
+        if not hasattr(error, "format_message"):  # click's kind, wherever typer keeps it, says what to print
+            raise
+        if error.format_message():  # else the help was shown
+            print(_usage(error), file=sys.stderr)
+        sys.exit(2)
+
+
+def _usage(error: Any) -> str:
+    """One line of what the command line has wrong."""
+    what = " ".join(error.format_message().split()).rstrip(".?").replace(". Did you mean", "; did you mean")
+    if re.match(r"No such option: -\d", what):
+        what += "; what begins with - goes after --"
+    context = getattr(error, "ctx", None)
+    path = "qualrl" if context is None else context.command_path
+    return f"qualrl: {what[0].lower()}{what[1:]}; '{path} --help' shows how"

@@ -81,7 +81,8 @@ for command in (schedule, theorem1):
 
 def _names_a_file(source: str) -> bool:
     """Whether this names a scenario rather than being a formula."""
-    from qualrl.commands.inputs import SCENARIO_SUFFIX, found
+    from qualrl.commands.inputs import found
+    from qualrl.io.bundled import SCENARIO_SUFFIX
 
     try:
         return source.endswith((".yaml", ".yml")) or found(source, SCENARIO_SUFFIX).is_file()
@@ -90,15 +91,13 @@ def _names_a_file(source: str) -> bool:
 
 
 def _formula(text: str) -> "Formula":
-    from qualrl.commands.inputs import SCENARIO_SUFFIX
     from qualrl.errors import FormulaError, did_you_mean
-    from qualrl.io.bundled import bundled_folder
+    from qualrl.io.bundled import bundled_names
     from qualrl.qualitative.formula import parse_formula
 
     formula = parse_formula(text, most_parameters=MOST_PARAMETERS)
     if formula.names and "k" not in formula.names:
-        names = [path.name.removesuffix(SCENARIO_SUFFIX) for path in bundled_folder().glob(f"*{SCENARIO_SUFFIX}")]
-        tail = did_you_mean(text, sorted(names)) if text.isidentifier() else "write it with k = 0, 1, 2, ..."
+        tail = did_you_mean(text, bundled_names()) if text.isidentifier() else "write it with k = 0, 1, 2, ..."
         raise FormulaError(f"{text}: neither a formula in k nor a scenario that exists; {tail}")
     return formula
 

@@ -44,5 +44,5 @@ def without_map(session: Session, online: bool, radius_m: float | None) -> Sessi
     if scenario.online is None and (online or radius_m is not None):
         scenario = scenario.with_settings(["online={}"])
     if radius_m is not None:
-        scenario = scenario.with_settings([f"online.radius_m={radius_m}"])
+        scenario = scenario.with_settings([setting := f"online.radius_m={radius_m}"], {setting: "--radius"})
     return replace(session, scenario=scenario)

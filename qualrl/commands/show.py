@@ -5,20 +5,23 @@ from typing import Annotated
 import typer
 
 from qualrl.commands.console import PARSING, Console, guarded
-from qualrl.commands.options import AsJson, Debug, Quiet
+from qualrl.commands.options import AsJson, Debug, Quiet, Resolution
 
 
 @guarded
 def show(
     source: Annotated[str, typer.Argument(metavar="SCENARIO_OR_MAP", help="A scenario, or a map: image, YAML, .map.")],
+    resolution_m: Resolution = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
     """Describe a scenario or a map: size, regions with areas, doors, graph."""
     from qualrl.commands.documents import map_document
-    from qualrl.commands.inputs import SCENARIO_SUFFIX, found, is_scenario
+    from qualrl.commands.inputs import found, is_scenario
     from qualrl.commands.tables import print_map
+    from qualrl.errors import SettingError
+    from qualrl.io.bundled import SCENARIO_SUFFIX
     from qualrl.io.read_map import read_map
     from qualrl.io.scenario import load_scenario
     from qualrl.qualitative.graph import graph_of_regions
@@ -27,7 +30,10 @@ def show(
     console = Console(as_json, quiet)
     path = found(source, SCENARIO_SUFFIX)
     with console.stage(PARSING):
-        regions = load_scenario(path).regions() if is_scenario(path) else segment(read_map(path))
+        if resolution_m is not None and is_scenario(path):
+            raise SettingError(f"{path}: is a scenario, whose key resolution_m says the metres; drop --resolution")
+        scenario = load_scenario(path) if is_scenario(path) else None
+        regions = segment(read_map(path, resolution_m=resolution_m)) if scenario is None else scenario.regions()
     console.warn_of(regions)
     graph = graph_of_regions(regions)
     document = {**map_document(regions, graph), "files": []}

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rich.console import Console
+from rich.console import Console as RichConsole
 from rich.table import Table
 from rich.text import Text
 
@@ -16,13 +16,21 @@ from qualrl.spatial.region_map import RegionMap
 MOST_ROWS = 40
 
 
+class _Console(RichConsole):
+    """Whoever reads us may stop reading: rich would end with 1, which means something else here."""
+
+    def on_broken_pipe(self) -> None:
+        """See ``console.guarded``."""
+        raise BrokenPipeError
+
+
 def print_map(regions: RegionMap) -> None:
     """Size, regions with areas, and doorways of a map."""
     grid = regions.grid
     height, width = grid.shape
     free = int(grid.free.sum())
     unknown = int((~grid.free & ~grid.occupied).sum())
-    out = Console(highlight=False)
+    out = _Console(highlight=False)
     out.print(
         f"{grid.source or 'map'}: {width} x {height} cells of {grid.resolution_m:g} m "
         f"({width * grid.resolution_m:g} x {height * grid.resolution_m:g} m), "
@@ -40,7 +48,7 @@ def print_map(regions: RegionMap) -> None:
     out.print("landmarks: " + (", ".join(f"{count} {kind}" for kind, count in counts.items()) or "none"), markup=False)
 
 
-def _print_regions(out: Console, regions: RegionMap) -> None:
+def _print_regions(out: _Console, regions: RegionMap) -> None:
     named = [region for region in regions.regions if region.kind != "pocket"]
     table = Table("region", "kind", title=f"{len(named)} regions", title_justify="left")
     for heading in ("area (m2)", "cells", "centre row,col", "doors"):
@@ -59,7 +67,7 @@ def _print_regions(out: Console, regions: RegionMap) -> None:
         out.print(f"and {len(pockets)} pockets of free cells that lead nowhere ({area_m2:.2f} m2 together)")
 
 
-def _print_doors(out: Console, regions: RegionMap) -> None:
+def _print_doors(out: _Console, regions: RegionMap) -> None:
     if not regions.doorways:
         out.print("no doorways")
         return
@@ -72,7 +80,7 @@ def _print_doors(out: Console, regions: RegionMap) -> None:
     _print_rest(out, len(regions.doorways), "doorways")
 
 
-def _print_rest(out: Console, count: int, what: str) -> None:
+def _print_rest(out: _Console, count: int, what: str) -> None:
     if count > MOST_ROWS:
         out.print(f"and {count - MOST_ROWS} more {what} (--json lists all)")
 
@@ -85,12 +93,13 @@ def print_learning(run: LearningRun) -> None:
         f"{run.total_steps:,} steps in {run.seconds:.1f} s"
     ]
     if run.model.start is not None:
-        lines.append(f"learned policy: {learned}; optimum: {run.optimal_steps} steps")
+        if run.chooses:
+            lines.append(f"learned policy: {learned}; optimum: {run.optimal_steps} steps")
         learned_value, exact = run.q[run.model.start].max(), run.exact_values[run.model.start]
         lines.append(f"value of the start: {learned_value:.6g} learned, {exact:.6g} exact")
     lines.append(f"largest error of any state's value, those hardly visited included: {run.max_error:.4g}")
     lines += [_recovered(recovery) for recovery in run.recovery]
-    out = Console(highlight=False)
+    out = _Console(highlight=False)
     out.print("\n".join(lines), markup=False, soft_wrap=True)
     if run.growth is not None and run.knew_map is not None:
         _print_growth(out, run.growth)
@@ -108,7 +117,7 @@ def _took(episodes: int | None, steps: int | None) -> str:
     return "not at all" if episodes is None else f"after {episodes} episodes, {steps:,} steps"
 
 
-def _print_growth(out: Console, growth: Growth) -> None:
+def _print_growth(out: _Console, growth: Growth) -> None:
     table = Table(title="the map as it became known", title_justify="left")
     for heading in ("steps", "episode", "cells", "known", "regions", "doors", "marks", "goal seen"):
         table.add_column(heading, justify="right")
@@ -134,14 +143,14 @@ def print_learners(rows: Sequence[Mapping[str, str]]) -> None:
     table = Table("learner", "what it is", "its values converge to", "source", show_lines=True)
     for row in rows:
         table.add_row(row["name"], row["title"], row["limit"], row["source"])
-    Console(highlight=False).print(table)
+    _Console(highlight=False).print(table)
 
 
 def print_plan(plan: Plan) -> None:
     """A plan in words."""
-    Console(highlight=False).print(plan.explain(), markup=False, soft_wrap=True)
+    _Console(highlight=False).print(plan.explain(), markup=False, soft_wrap=True)
 
 
 def print_files(folder: Path, names: list[str]) -> None:
     """What was written."""
-    Console(highlight=False).print(f"written to {folder}: {', '.join(names)}", markup=False, soft_wrap=True)
+    _Console(highlight=False).print(f"written to {folder}: {', '.join(names)}", markup=False, soft_wrap=True)

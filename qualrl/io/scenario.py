@@ -6,8 +6,9 @@ Suffixes are units: ``_m`` metres, ``_m2`` square metres.
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -33,6 +34,9 @@ if TYPE_CHECKING:  # what builds models is heavy, and loads when a model is buil
     from qualrl.learning.changes import Change
     from qualrl.models.hybrid_mdp import HybridMDP
     from qualrl.spatial.region_map import RegionMap
+
+
+NO_OPTIONS: Mapping[str, str] = MappingProxyType({})
 
 
 def _place(value: object) -> Place:
@@ -132,6 +136,7 @@ class Scenario(Strict):
     made_with: MadeWith | None = Field(default=None, description="what a result was made with")
 
     _path: Path | None = PrivateAttr(None)
+    _asked: dict[str, str] = PrivateAttr(default_factory=dict)
 
     @property
     def path(self) -> Path | None:
@@ -166,17 +171,19 @@ class Scenario(Strict):
 
     def build(self, regions: "RegionMap | None" = None) -> "HybridMDP":
         """The hybrid MDP of this scenario; of ``regions`` if they are at hand already, else of its map."""
-        from qualrl.models.hybrid_mdp import hybrid_mdp
+        from qualrl.models.hybrid_mdp import NOTHING_TO_LEARN, hybrid_mdp
         from qualrl.spatial.place import resolve_cell
 
         found = self.regions() if regions is None else regions
+        cells = []
         for key, place in (("goal", self.goal), ("start", self.start)):
             try:
                 if place is not None:
-                    resolve_cell(place, found)
+                    cells.append(resolve_cell(place, found))
             except (PlaceError, UnknownNameError) as problem:
-                where = f"{self.path}: " if self.path else ""
-                raise type(problem)(f"{where}{key}: {problem}") from None
+                raise type(problem)(f"{self._where(key)}: {problem}") from None
+        if len(set(cells)) < len(cells):
+            raise PlaceError(f"{self._where('start')}: {NOTHING_TO_LEARN}")
         model = hybrid_mdp(
             found,
             self.goal,
@@ -189,6 +196,10 @@ class Scenario(Strict):
         )
         self._check_changes(model)
         return model
+
+    def _where(self, key: str) -> str:
+        """Where a key was set: in the file, or on the command line."""
+        return self._asked.get(key, f"{self.path}: {key}" if self.path else key)
 
     def door_changes(self) -> "tuple[Change, ...]":
         """The changes of the world, as ``qualrl.train`` takes them."""
@@ -204,8 +215,10 @@ class Scenario(Strict):
                 where = f"{self.path}: " if self.path else ""
                 raise type(problem)(f"{where}{problem}") from None
 
-    def with_settings(self, settings: Sequence[str]) -> Self:
+    def with_settings(self, settings: Sequence[str], options: Mapping[str, str] = NO_OPTIONS) -> Self:
         """The same scenario with some settings changed, each "KEY=VALUE" with a dotted key and YAML value.
+
+        options: for a setting that came by another way than --set, what to call that way where it is wrong.
 
         >>> Scenario(map="office.yaml", goal="room C").with_settings(["learn.alpha=0.05"]).learn.alpha
         0.05
@@ -214,7 +227,7 @@ class Scenario(Strict):
         asked: dict[KeyPath, str] = {}
         for setting in settings:
             key, path, value = _read_setting(setting)
-            asked[path] = f"--set {dotted((key,))}"
+            asked[path] = options.get(setting, f"--set {dotted((key,))}")
             _put(data, path, value)
         try:
             changed = type(self).model_validate(data)
@@ -222,6 +235,7 @@ class Scenario(Strict):
             lines = [f"{_asked_at(problem.path, asked)}: {problem.what}" for problem in explained(problems, Scenario)]
             raise ScenarioError("\n".join(lines)) from None
         changed._path = self._path
+        changed._asked = self._asked | {str(path[0]): told for path, told in asked.items()}
         return changed
 
     def __eq__(self, other: object) -> bool:
@@ -306,7 +320,7 @@ def _asked_at(path: KeyPath, asked: dict[KeyPath, str]) -> str:
     """The --set that led to a problem at ``path``; the last one, as later ones win."""
     for asked_path, told in reversed(asked.items()):
         if path[: len(asked_path)] == asked_path:
-            return told
+            return told if path == asked_path else f"{told}: {dotted(path)}"
         if asked_path[: len(path)] == path:
             return f"{told}: {dotted(path)}"
     return dotted(path)

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from qualrl.errors import SettingError, UnknownNameError, shown
 from qualrl.learning.rules import RULES, rule_named
-from qualrl.learning.settings import MOST_EPISODES
+from qualrl.learning.settings import MOST_EPISODES, MOST_PLANNING_STEPS
 
 
 class Strict(BaseModel):
@@ -40,7 +40,7 @@ def _rate(value: object) -> float | str:
     try:
         schedule_of(value)
     except SettingError as problem:
-        raise ValueError(str(problem).removeprefix("alpha ")) from None
+        raise ValueError(str(problem).removeprefix("alpha").lstrip(": ")) from None
     return value if isinstance(value, str) else float(value)
 
 
@@ -73,7 +73,9 @@ class LearnSettings(Strict):
     )
     trace: float = Field(default=0.9, ge=0, le=1, description="lambda of sarsa-lambda and q-lambda")
     policy: Literal["random", "optimal"] = Field(default="random", description="the policy that td evaluates")
-    planning_steps: Count = Field(default=20, description="backups a step of learners that plan")
+    planning_steps: Count = Field(
+        default=20, le=MOST_PLANNING_STEPS, description="backups a step of learners that plan"
+    )
     planning_threshold: float = Field(
         default=1e-3, gt=0, description="prioritized-sweeping lets smaller changes of a value go"
     )

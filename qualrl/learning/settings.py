@@ -11,6 +11,7 @@ MACRO_DISCOUNTS = ("gamma_tau", "gamma")
 POLICIES = ("random", "optimal")
 MOST_EPISODES = 10_000_000
 MOST_WEIGHTS = 1_000_000
+MOST_PLANNING_STEPS = 100_000
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,9 @@ class LearnSettings:
         self._check("macro_discount", self.macro_discount in MACRO_DISCOUNTS, f"one of {', '.join(MACRO_DISCOUNTS)}")
         self._check("trace", 0 <= self.trace <= 1, "from 0 to 1")
         self._check("policy", self.policy in POLICIES, f"one of {', '.join(POLICIES)}")
-        self._check("planning_steps", self.planning_steps >= 1, "at least 1")
+        self._check(
+            "planning_steps", 1 <= self.planning_steps <= MOST_PLANNING_STEPS, f"from 1 to {MOST_PLANNING_STEPS:,}"
+        )
         self._check("planning_threshold", self.planning_threshold > 0, "above 0")
         self._check("tries", self.tries >= 1, "at least 1")
 

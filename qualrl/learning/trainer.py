@@ -61,7 +61,7 @@ class Runner:
         """Steps made so far."""
         self._watch = watch
         self._progress = learner.progress
-        self._slice_steps = 20_000
+        self._slice_steps = 1000  # few at first: a learner that plans may take long over each
 
     @property
     def episode(self) -> int:

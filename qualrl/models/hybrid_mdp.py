@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from qualrl.models.task_graph import TaskGraph
 
 GOAL = "goal"
+NOTHING_TO_LEARN = "start and goal are the same, so there is nothing to learn; choose another start"
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,10 @@ class HybridMDP:
         """
         names_of = [region_of[s] for s in range(len(mdp))] if isinstance(region_of, Mapping) else list(region_of)
         if len(names_of) != len(mdp):
-            raise SettingError(f"{len(names_of)} qualitative states named for {len(mdp)} states")
+            raise SettingError(
+                f"{len(names_of)} qualitative states named for {len(mdp)} states; every state needs one, the end that "
+                f"from_gymnasium may add included: [... for state in range(len(table))]"
+            )
         names = tuple(dict.fromkeys(names_of))
         index = {name: i for i, name in enumerate(names)}
         of = np.array([index[name] for name in names_of], np.int32)
@@ -94,15 +98,18 @@ class HybridMDP:
 
     @cached_property
     def starts(self) -> NDArray[np.int64]:
-        """States in which episodes start.  Raises NoPlanError when the goal cannot be reached from them."""
+        """States in which episodes start.
+
+        Raises NoPlanError when the goal cannot be reached from them, SettingError for a start at which all is over.
+        """
+        world = self.world
+        over = np.arange(len(self)) == world.goal if isinstance(world, GridWorld) else world.terminal
         if self.start is not None:
+            if over[self.start]:
+                raise SettingError(NOTHING_TO_LEARN)
             self.check_reachable(self.start)
             return np.array([self.start])
-        starts = np.flatnonzero(self.can_reach)
-        if isinstance(self.world, GridWorld):
-            starts = starts[starts != self.world.goal]
-        else:
-            starts = starts[~self.world.terminal[starts]]
+        starts = np.flatnonzero(self.can_reach & ~over)
         if not len(starts):
             raise NoPlanError("the goal is the only place that leads to the goal")
         return starts

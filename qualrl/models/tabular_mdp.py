@@ -70,6 +70,8 @@ class TabularMDP:
 
         A state is terminal when a transition into it says that the episode is over.
         """
+        if not outcomes or set(outcomes) != set(range(len(outcomes))) or not outcomes[0]:
+            raise SettingError("outcomes must be {state: {action: [...]}} with states and actions numbered from 0")
         n_states, n_actions = len(outcomes), len(outcomes[0])
         terminal = np.zeros(n_states, np.bool_)
         start, entries = [0], list[tuple[float, int, float]]()

@@ -16,7 +16,7 @@ from qualrl.kernels.grid import breadth_first
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.values import PlanValues
 from qualrl.qualitative.graph import crossings_of
-from qualrl.solving.exact import MAX_SWEEPS, TOLERANCE
+from qualrl.solving.exact import TOLERANCE, swept
 from qualrl.spatial.region_map import Doorway, RegionMap
 
 
@@ -111,8 +111,9 @@ class _Room:
         value = np.concatenate([np.zeros(n), values.shifted[list(beyond)]])
         best = n + int(np.argmax(value[n:]))  # a door is narrow: nearly all ways lead over its best cell
         order, _ = breadth_first(successor, np.array([best]))
-        bellman.solve_grid(
+        swept(
+            n, bellman.solve_grid,
             successor, world.move_reward + values.shift * (1 - world.gamma), -1, 0.0, world.gamma, world.slip,
-            order[order < n], value, TOLERANCE, MAX_SWEEPS,
+            order[order < n], value, TOLERANCE,
         )  # fmt: skip
         return float(value[np.searchsorted(self.inside, state)])

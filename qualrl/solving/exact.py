@@ -3,7 +3,9 @@
 S states, A actions.  See ``kernels.bellman`` for the shift that keeps far places apart in float64.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,7 @@ World = GridWorld | TabularMDP
 
 TOLERANCE = 1e-12
 MAX_SWEEPS = 1_000_000
+STATES_A_CALL = 2_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +58,6 @@ def exact_values(world: World) -> ExactValues:
     else:
         shifted, sweeps = _solve_table(world, shift)
         value = np.where(world.terminal, 0.0, shifted - shift)
-    if sweeps < 0:
-        raise SettingError(f"values did not settle in {MAX_SWEEPS} sweeps; choose gamma below {world.gamma}")
     return ExactValues(value, shifted, shift, sweeps)
 
 
@@ -65,23 +66,38 @@ def _solve_grid(world: GridWorld, shift: float) -> tuple[NDArray[np.float64], in
     value = np.zeros(len(world))
     value[cut_off] = world.step_reward / (1 - world.gamma) + shift  # straight on for ever
     slides = world.slip > 0 and world.directions == 8  # but where moves may slip to the dearer diagonals
-    made = []
-    for order in (world.outward, cut_off) if slides else (world.outward,):
-        made.append(bellman.solve_grid(
-            world.successor, world.move_reward + shift * (1 - world.gamma), world.goal, world.goal_reward + shift,
-            world.gamma, world.slip, order, value, TOLERANCE, MAX_SWEEPS,
-        ))  # fmt: skip
+    made = [
+        swept(len(order), bellman.solve_grid,
+              world.successor, world.move_reward + shift * (1 - world.gamma), world.goal, world.goal_reward + shift,
+              world.gamma, world.slip, order, value, TOLERANCE)
+        for order in ((world.outward, cut_off) if slides else (world.outward,))
+    ]  # fmt: skip
     value[world.goal] = shift
-    return value, int(max(made) if min(made) >= 0 else -1)
+    return value, max(made)
 
 
 def _solve_table(world: TabularMDP, shift: float) -> tuple[NDArray[np.float64], int]:
     value = np.where(world.terminal, shift, 0.0)
-    sweeps = bellman.solve_table(
+    sweeps = swept(
+        len(world), bellman.solve_table,
         world.row_start, world.target, world.probability, world.reward + shift * (1 - world.gamma), world.terminal,
-        world.gamma, np.arange(len(world))[::-1].copy(), value, world.n_actions, TOLERANCE, MAX_SWEEPS,
+        world.gamma, np.arange(len(world))[::-1].copy(), value, world.n_actions, TOLERANCE,
     )  # fmt: skip
-    return value, int(sweeps)
+    return value, sweeps
+
+
+def swept(n_states: int, solver: Callable[..., int], *arguments: Any) -> int:
+    """Let a solver sweep till its values settle; returns how often it did.
+
+    A few sweeps a call, so that Ctrl-C is answered within a second.  Raises SettingError if they do not settle.
+    """
+    most, made = int(np.clip(STATES_A_CALL // max(n_states, 1), 1, 10_000)), 0
+    while made < MAX_SWEEPS:
+        settled = int(solver(*arguments, most))
+        if settled >= 0:
+            return made + settled
+        made += most
+    raise SettingError(f"values did not settle in {MAX_SWEEPS} sweeps; choose a smaller gamma")
 
 
 def crossings_to_goal(world: GridWorld, exact: ExactValues, region_of: NDArray[np.int32]) -> NDArray[np.int32]:

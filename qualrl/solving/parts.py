@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import breadth_first_order
 
-from qualrl.errors import SettingError
 from qualrl.kernels import bellman
 from qualrl.models.grid_world import GridWorld
 from qualrl.solving.crossings import Crossings
-from qualrl.solving.exact import MAX_SWEEPS, TOLERANCE, ExactValues, World
+from qualrl.solving.exact import TOLERANCE, ExactValues, World, swept
 
 Policy = NDArray[np.int16]
 """(n,) action in each state of a part."""
@@ -74,12 +73,11 @@ class Part:
         terminal[n] = True
         terminal.setflags(write=False)
         value = np.zeros(n + 1)
-        sweeps = bellman.solve_table(
+        swept(
+            n, bellman.solve_table,
             self.row_start, self.local, self.probability, reward, terminal, gamma, self._outward(exit_index), value,
-            self.world.n_actions, TOLERANCE, MAX_SWEEPS,
+            self.world.n_actions, TOLERANCE,
         )  # fmt: skip
-        if sweeps < 0:
-            raise SettingError(f"values did not settle in {MAX_SWEEPS} sweeps; choose gamma below {gamma}")
         q = np.add.reduceat(self.probability * (reward + gamma * value[self.local]), self.row_start[:-1])
         found: Policy = q.reshape(n, -1).argmax(axis=1).astype(np.int16)
         return found

@@ -86,6 +86,8 @@ def segment(
         SettingError: a setting is out of its range.
 
     """
+    if not isinstance(grid, OccupancyGrid):
+        raise TypeError(f"segment needs an OccupancyGrid, from qualrl.read_map, got {type(grid).__name__}")
     _check(min_area_m2=(min_area_m2, 1e6), furniture_m=(furniture_m, 1e3), pinch=(pinch, 1.0))
     resolution_m = grid.resolution_m
     island, cells = _pieces(np.where(grid.free, 0, -1).astype(np.int32))
