@@ -290,15 +290,16 @@ def test_what_another_verb_makes_is_asked_for():
     grid = grid_of(PUZZLE)
     with pytest.raises(TypeError, match=r"segment needs an OccupancyGrid, from qualrl.read_map, got str"):
         qualrl.segment("puzzle.png")
-    with pytest.raises(TypeError, match="build needs a RegionMap, from qualrl.segment, got OccupancyGrid"):
+    with pytest.raises(TypeError, match=r"build needs a RegionMap, from qualrl.segment, got OccupancyGrid"):
         qualrl.build(grid, [6, 6])
-    with pytest.raises(TypeError, match="train needs a HybridMDP, from qualrl.build or .*, got RegionMap"):
+    with pytest.raises(TypeError, match=r"train needs a HybridMDP, from qualrl.build or .*, got RegionMap"):
         qualrl.train(qualrl.segment(grid))
-    with pytest.raises(TypeError, match="plan needs a HybridMDP or a Training.*, got RegionMap"):
+    with pytest.raises(TypeError, match=r"plan needs a HybridMDP or a Training.*, got RegionMap"):
         qualrl.plan(qualrl.segment(grid))
     with pytest.raises(SettingError, match="numbered from 0"):
         TabularMDP.from_outcomes({}, 0.9)
     table = TabularMDP.from_outcomes({0: {0: [(1.0, 1, 1.0, True)]}, 1: {0: [(1.0, 1, 0.0, True)]}}, 0.9)
+    assert repr(puzzle()) == "<HybridMDP: 75 states, 1 regions, 11 landmarks, gamma 0.9, start 64>"
     with pytest.raises(SettingError, match="1 qualitative states named for 2 states"):
         HybridMDP.from_table(table, ["here"])
     with pytest.raises(SettingError, match="start and goal are the same"):

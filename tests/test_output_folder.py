@@ -157,3 +157,10 @@ def test_results_have_ordinary_permissions(tmp_path: Path) -> None:
         os.umask(mask)
     modes = [(tmp_path / name).stat().st_mode & 0o777 for name in ("r", "r/a", "b")]
     assert modes == [0o755, 0o644, 0o644]
+
+
+def test_a_file_in_the_way_above_the_folder_is_named(tmp_path):
+    (tmp_path / "taken").write_text("mine")
+    with pytest.raises(OutputError, match=r"taken: is a file"), OutputFolder(tmp_path / "taken" / "a" / "b"):
+        pass
+    assert (tmp_path / "taken").read_text() == "mine"

@@ -118,6 +118,9 @@ def _part_beside(target: Path) -> Path:
 
 def _make_folders(folder: Path) -> list[Path]:
     """Make a folder and those above it; return the new ones, the innermost first."""
+    for place in (folder, *folder.parents):
+        if place.exists() and not place.is_dir():
+            raise OutputError(f"{place}: is a file, and results need a folder; name another one")
     missing = [place for place in (folder, *folder.parents) if not place.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     return missing

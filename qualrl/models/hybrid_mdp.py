@@ -32,7 +32,7 @@ GOAL = "goal"
 NOTHING_TO_LEARN = "start and goal are the same, so there is nothing to learn; choose another start"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class HybridMDP:
     """Both levels of a problem, ready to be learned, solved and planned on."""
 
@@ -76,6 +76,12 @@ class HybridMDP:
 
     def __len__(self) -> int:
         return len(self.world)
+
+    def __repr__(self) -> str:
+        """In a line, not all its arrays."""
+        start = "a random start" if self.start is None else f"start {self.start}"
+        counts = f"{len(self)} states, {len(self.region_names)} regions, {len(self.landmarks.names)} landmarks"
+        return f"<HybridMDP: {counts}, gamma {self.gamma:g}, {start}>"
 
     @property
     def gamma(self) -> float:

@@ -21,9 +21,9 @@ CRITERION = (
     "optimum (36 steps on the puzzle); the paper gives no criterion."
 )
 RULES = (
-    "A number is reproduced when the interval of 95 % of the runs meets the paper's, give or take 15 %; a difference, "
-    "when the 95 % interval of the ratio of medians shows at least 5 %; a law, when the coefficient's interval lies "
-    "within the bounds named."
+    "A number is reproduced when the 95 % interval of the median lies within 15 % of the paper's; a difference, when"
+    " that of the ratio of medians shows at least 5 %; a law, when the coefficient's interval lies within the bounds "
+    "named.  Where most runs ended before they converged, nothing is taken to be small, or alike."
 )
 READINGS = (
     "Readings of HQL are what the weight eta_n counts with n: landmark steps of the run, of the pair, of the episode."
