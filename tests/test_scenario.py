@@ -174,6 +174,14 @@ def test_the_map_lies_relative_to_the_scenario(tmp_path: Path) -> None:
     assert Scenario(map="m.png", goal=PlaceName("x")).map_path == Path("m.png")
 
 
+def test_bundled_scenarios_go_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert load_scenario("office").map_path.name == "office.yaml"
+    (tmp_path / "office").write_text("map: mine.yaml\ngoal: here\n")  # but what is there comes first
+    assert load_scenario("office").map_path.name == "mine.yaml"
+    assert "ofice: no such scenario file" in complaint(load_scenario, "ofice")
+
+
 def test_scenarios_are_equal_by_their_settings_and_do_not_change(tmp_path: Path) -> None:
     (tmp_path / "s.yaml").write_text(LEAST)
     scenario, same = load_scenario(tmp_path / "s.yaml"), Scenario(map="office.yaml", goal=PlaceName("room C"))

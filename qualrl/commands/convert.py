@@ -23,10 +23,11 @@ def convert(
 ) -> None:
     """Turn a map into a hybrid MDP, with pictures, graph files and a scenario ready to edit and run."""
     from qualrl.commands.documents import file_list, map_document
-    from qualrl.commands.inputs import found, is_scenario, output_folder
+    from qualrl.commands.inputs import is_scenario, output_folder
     from qualrl.commands.results import SCENARIO_FILE, result_folder, write_map_files
     from qualrl.commands.tables import print_files, print_map
     from qualrl.errors import MapError
+    from qualrl.io.bundled import found
     from qualrl.io.read_map import read_map
     from qualrl.io.suggestion import suggested_scenario
     from qualrl.spatial.segmentation import segment

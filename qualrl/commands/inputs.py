@@ -3,21 +3,8 @@
 from pathlib import Path
 
 from qualrl.errors import ScenarioError, did_you_mean
-from qualrl.io.bundled import SCENARIO_SUFFIX, bundled_folder, bundled_names
+from qualrl.io.bundled import SCENARIO_SUFFIX, bundled_names, found
 from qualrl.io.scenario import Scenario, load_scenario
-
-
-def found(argument: str, suffix: str) -> Path:
-    """The file or folder an argument names; what is not there may be a bundled file, with or without its suffix."""
-    path = Path(argument)
-    if path.exists():
-        return path
-    name = argument.removeprefix("maps/")
-    if "/" not in name and "\\" not in name:
-        for candidate in (name, name + suffix):
-            if candidate and (bundled_folder() / candidate).is_file():
-                return bundled_folder() / candidate
-    return path
 
 
 def is_scenario(path: Path) -> bool:

@@ -30,9 +30,9 @@ def plan(
 ) -> None:
     """Plan between two places, from what was learned or exactly, and say why each step is taken."""
     from qualrl import api
-    from qualrl.commands.inputs import found, scenario_of
+    from qualrl.commands.inputs import scenario_of
     from qualrl.commands.tables import print_plan
-    from qualrl.io.bundled import SCENARIO_SUFFIX
+    from qualrl.io.bundled import SCENARIO_SUFFIX, found
 
     console = Console(as_json, quiet)
     path = found(source, SCENARIO_SUFFIX)

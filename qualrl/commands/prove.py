@@ -81,8 +81,7 @@ for command in (schedule, theorem1):
 
 def _names_a_file(source: str) -> bool:
     """Whether this names a scenario rather than being a formula."""
-    from qualrl.commands.inputs import found
-    from qualrl.io.bundled import SCENARIO_SUFFIX
+    from qualrl.io.bundled import SCENARIO_SUFFIX, found
 
     try:
         return source.endswith((".yaml", ".yml")) or found(source, SCENARIO_SUFFIX).is_file()

@@ -18,10 +18,10 @@ def show(
 ) -> None:
     """Describe a scenario or a map: size, regions with areas, doors, graph."""
     from qualrl.commands.documents import map_document
-    from qualrl.commands.inputs import found, is_scenario
+    from qualrl.commands.inputs import is_scenario
     from qualrl.commands.tables import print_map
     from qualrl.errors import SettingError
-    from qualrl.io.bundled import SCENARIO_SUFFIX
+    from qualrl.io.bundled import SCENARIO_SUFFIX, found
     from qualrl.io.read_map import read_map
     from qualrl.io.scenario import load_scenario
     from qualrl.qualitative.graph import graph_of_regions

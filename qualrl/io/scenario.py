@@ -24,6 +24,7 @@ from pydantic import (
 )
 
 from qualrl.errors import PlaceError, QualrlError, ScenarioError, UnknownNameError, shown
+from qualrl.io.bundled import SCENARIO_SUFFIX, found
 from qualrl.io.positioned_yaml import KeyPath, PositionedYaml, parse_yaml, read_scalar, read_yaml
 from qualrl.io.scenario_errors import dotted, explained
 from qualrl.io.scenario_learn import LearnSettings, Strict, whole
@@ -248,10 +249,14 @@ class Scenario(Strict):
 
 
 def load_scenario(path: str | Path) -> Scenario:
-    """Read and check a scenario file; ScenarioError has one line for each problem, in the file's order."""
-    content = read_yaml(path, what="scenario", error=ScenarioError)
+    """Read and check a scenario file; ScenarioError has one line for each problem, in the file's order.
+
+    path: of a file, or the name of a bundled scenario, as "office".
+    """
+    file = found(str(path), SCENARIO_SUFFIX)
+    content = read_yaml(file, what="scenario", error=ScenarioError)
     scenario = _checked(content)
-    scenario._path = Path(path)
+    scenario._path = file
     return scenario
 
 
