@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from qualrl.errors import OutputError
-from qualrl.io.output_folder import OutputFolder, write_whole
+from qualrl.io.output_folder import OutputFolder
 
 
 def listing(folder: Path) -> dict[str, str]:
@@ -47,8 +47,7 @@ def test_a_relative_folder_and_the_current_one(tmp_path: Path, monkeypatch: pyte
 def test_missing_parents_are_made(tmp_path: Path) -> None:
     with OutputFolder(tmp_path / "x" / "y" / "z") as folder:
         folder.path("a").write_text("1")
-    write_whole(tmp_path / "u" / "v.txt", "2")
-    assert listing(tmp_path) == {"x/y/z/a": "1", "u/v.txt": "2"}
+    assert listing(tmp_path) == {"x/y/z/a": "1"}
 
 
 @pytest.mark.parametrize("failure", [ValueError, KeyboardInterrupt, SystemExit, OutputError])
@@ -80,8 +79,6 @@ def test_a_file_in_the_way(tmp_path: Path) -> None:
             pass
         assert str(caught.value).startswith(f"{target}: ")
         assert "\n" not in str(caught.value)
-        with pytest.raises(OutputError):
-            write_whole(target / "x", "y")
     assert listing(tmp_path) == {"file": "x"}
 
 
@@ -89,8 +86,6 @@ def test_a_file_in_the_way(tmp_path: Path) -> None:
 def test_names_that_no_file_system_takes(tmp_path: Path, name: str) -> None:
     with pytest.raises(OutputError, match="cannot be written"), OutputFolder(tmp_path / name / "r"):
         pass
-    with pytest.raises(OutputError, match="cannot be written"):
-        write_whole(tmp_path / name, "x")
     assert listing(tmp_path) == {}
 
 
@@ -122,45 +117,22 @@ def test_two_runs_into_the_same_new_folder_both_arrive(tmp_path: Path) -> None:
     assert listing(tmp_path) == {"r/a": "1", "r/b": "2"}
 
 
-def test_write_whole(tmp_path: Path) -> None:
-    path = tmp_path / "a.txt"
-    write_whole(path, "one\n")
-    write_whole(path, "zwei ü\n")
-    assert path.read_bytes() == "zwei ü\n".encode()
-    write_whole(path, b"\x00\xff")
-    assert path.read_bytes() == b"\x00\xff"
-    assert [item.name for item in tmp_path.iterdir()] == ["a.txt"]
-    with pytest.raises(OutputError, match="is a folder; name a file"):
-        write_whole(tmp_path, "x")
-
-
-def test_write_whole_leaves_the_old_file_when_it_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "a.txt"
-    write_whole(path, "old")
-
-    def fail(source: object, target: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(os, "replace", fail)
-    with pytest.raises(KeyboardInterrupt):
-        write_whole(path, "new")
-    assert listing(tmp_path) == {"a.txt": "old"}
-
-
 def test_results_have_ordinary_permissions(tmp_path: Path) -> None:
     mask = os.umask(0o022)
     try:
         with OutputFolder(tmp_path / "r") as folder:
             folder.path("a").write_text("a")
-        write_whole(tmp_path / "b", "b")
     finally:
         os.umask(mask)
-    modes = [(tmp_path / name).stat().st_mode & 0o777 for name in ("r", "r/a", "b")]
-    assert modes == [0o755, 0o644, 0o644]
+    modes = [(tmp_path / name).stat().st_mode & 0o777 for name in ("r", "r/a")]
+    assert modes == [0o755, 0o644]
 
 
 def test_a_file_in_the_way_above_the_folder_is_named(tmp_path):
     (tmp_path / "taken").write_text("mine")
-    with pytest.raises(OutputError, match=r"taken: is a file"), OutputFolder(tmp_path / "taken" / "a" / "b"):
+    with (
+        pytest.raises(OutputError, match=r"cannot be written \(taken is a file\); name another place"),
+        OutputFolder(tmp_path / "taken" / "a" / "b"),
+    ):
         pass
     assert (tmp_path / "taken").read_text() == "mine"

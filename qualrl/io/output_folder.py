@@ -3,7 +3,6 @@
 They grow in a hidden folder beside the target, on the same disk, so that the last step is a rename.
 """
 
-import contextlib
 import errno
 import os
 import secrets
@@ -92,26 +91,6 @@ class OutputFolder:
             os.replace(self._part / name, self.target / name)
 
 
-def write_whole(path: str | Path, content: bytes | str) -> None:
-    """Write a file so that it holds either all of ``content`` or what it held before. Text is UTF-8."""
-    target = Path(os.path.abspath(path))
-    part = _part_beside(target)
-    made: list[Path] = []
-    try:
-        if target.is_dir():
-            raise OutputError(f"{path}: is a folder; name a file")
-        made = _make_folders(target.parent)
-        part.write_bytes(content.encode() if isinstance(content, str) else content)
-        os.replace(part, target)
-    except BaseException as problem:
-        with contextlib.suppress(OSError, ValueError):
-            part.unlink(missing_ok=True)
-        _remove_folders(made)
-        if isinstance(problem, OSError | ValueError):
-            raise _unwritable(str(path), problem) from None
-        raise
-
-
 def _part_beside(target: Path) -> Path:
     return target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.part")
 
@@ -120,7 +99,7 @@ def _make_folders(folder: Path) -> list[Path]:
     """Make a folder and those above it; return the new ones, the innermost first."""
     for place in (folder, *folder.parents):
         if place.exists() and not place.is_dir():
-            raise OutputError(f"{place}: is a file, and results need a folder; name another one")
+            raise NotADirectoryError(errno.ENOTDIR, f"{place.name} is a file")
     missing = [place for place in (folder, *folder.parents) if not place.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     return missing

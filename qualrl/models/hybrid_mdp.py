@@ -185,12 +185,6 @@ class HybridMDP:
         world = replace(self.grid, closed=(*self.grid.closed, *walls))
         return replace(self, world=world, regions=regions, graph=graph_of_regions(regions))
 
-    def region_index(self, name: str) -> int:
-        """Index of a qualitative state; UnknownNameError when there is none of that name."""
-        if name not in self.region_names:
-            raise UnknownNameError(f"no region is called {name!r}; {did_you_mean(name, self.region_names)}")
-        return self.region_names.index(name)
-
     def state_at(self, place: Place) -> int:
         """State of a place: a name, (row, column), or metres.  Raises UnknownNameError or PlaceError."""
         if self.regions is None:
