@@ -200,6 +200,7 @@ WRONG = {
     "start and goal are the same": ("learn", "rooms.scenario.yaml", "--set", "start=room B"),
     "qualrl: --episodes: must be at least 1, got -3": ("run", "rooms.scenario.yaml", "--episodes", "-3"),
     "--set learn.planning_steps: must be at most": ("run", "puzzle", "--set", "learn.planning_steps=1e12"),
+    "--set names: 'S8' is a landmark of this scenario": ("run", "puzzle", "--set", "names={S8: gate}"),
     "no bundled scenario; did you mean 'office'?": ("run", "ofice"),
     "missing argument 'SCENARIO'": ("run",),
     "what begins with - goes after --": ("prove", "schedule", "-1/(1+k)"),

@@ -158,6 +158,12 @@ class Scenario(Strict):
         grid = read_map(self.map_path, resolution_m=self.resolution_m)
         area_m2 = self.segment.min_area_m2
         found = segment(grid) if area_m2 is None else segment(grid, min_area_m2=area_m2)
+        for name in self.names:
+            if name in (self.landmarks or {}) and name not in found.all_names:
+                raise UnknownNameError(
+                    f"{self._where('names')}: {shown(name)} is a landmark of this scenario; call it otherwise there, under "
+                    f"landmarks"
+                )
         found = found.renamed(self.names)
         return found if self.landmarks is None else self._marked(found)
 
