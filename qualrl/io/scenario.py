@@ -160,9 +160,9 @@ class Scenario(Strict):
         found = segment(grid) if area_m2 is None else segment(grid, min_area_m2=area_m2)
         for name in self.names:
             if name in (self.landmarks or {}) and name not in found.all_names:
+                where = self._where("names")
                 raise UnknownNameError(
-                    f"{self._where('names')}: {shown(name)} is a landmark of this scenario; call it otherwise there, under "
-                    f"landmarks"
+                    f"{where}: {shown(name)} is a landmark of this scenario; name it under landmarks"
                 )
         found = found.renamed(self.names)
         return found if self.landmarks is None else self._marked(found)
