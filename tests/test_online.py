@@ -270,4 +270,4 @@ def test_the_command_explores_and_compares(tmp_path):
     assert "knowing the map: first episode" in out
     assert json.loads((tmp_path / "again/learn.json").read_text())["growth"]["stages"] == growth["stages"]
     _, err = qualrl("learn", "rooms.scenario.yaml", "--radius", "-1", cwd=tmp_path, expect=2)
-    assert "online.radius_m: must be greater than 0" in err
+    assert "--radius: must be greater than 0" in err
