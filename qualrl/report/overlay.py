@@ -43,6 +43,8 @@ MANY_MARKS = 400
 LONG_SIDE_PX = (1400, 2600)
 """The picture's longer side lies between these, whatever the map's size."""
 DPI = 100
+MARK_PX = 30
+"""A name this near to the mark of the start or of the goal would cover it."""
 
 
 def draw_overlay(regions: RegionMap, file: Path, path: Sequence[Cell] = (), title: str = "") -> None:
@@ -60,7 +62,7 @@ def draw_overlay(regions: RegionMap, file: Path, path: Sequence[Cell] = (), titl
     axes.set_axis_off()
     handles = [*_draw_doors(axes, regions), *_draw_landmarks(axes, regions), *_draw_path(axes, path)]
     for region in regions.regions:
-        _draw_name(axes, region, scale)
+        _draw_name(axes, region, scale, marks=(path[0], path[-1]) if path else ())
     _draw_scale(axes, regions)
     figure.text(0.01, 1 - band / 4, title, va="center", fontsize=13)
     if handles:
@@ -148,13 +150,18 @@ def _draw_path(axes: Axes, path: Sequence[Cell]) -> list[Artist]:
     ]
 
 
-def _draw_name(axes: Axes, region: Region, scale: float) -> None:
+def _draw_name(axes: Axes, region: Region, scale: float, marks: Sequence[Cell]) -> None:
+    """At the region's centre, or above a mark there."""
     across_px = float(np.sqrt(region.cells)) * scale
     if region.kind == "pocket" or across_px < LEAST_NAMED_PX:
         return
     size = float(np.clip(across_px / len(region.name) * 0.9, 7, 15))
     row, column = region.centre
-    text = axes.text(column, row, region.name, ha="center", va="center", fontsize=size, color="black", zorder=5)
+    covers = any(max(abs(row - r), abs(column - c)) * scale < MARK_PX for r, c in marks)
+    text = axes.annotate(
+        region.name, (column, row), (0, 14 if covers else 0), textcoords="offset points", ha="center",
+        va="bottom" if covers else "center", fontsize=size, color="black", zorder=5,
+    )  # fmt: skip
     text.set_path_effects([patheffects.withStroke(linewidth=2.5, foreground="white", alpha=0.85)])
 
 
