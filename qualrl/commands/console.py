@@ -21,7 +21,7 @@ Parameters = ParamSpec("Parameters")
 OUR_FAULT = 3
 READER_GONE = 141
 """As for any program that SIGPIPE ends."""
-PARSING = "finding regions (the first time also compiling, about 20 s)"
+PARSING = "finding regions (the first time also compiling, about 10 s)"
 
 
 @dataclass(frozen=True)

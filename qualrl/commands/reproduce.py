@@ -132,13 +132,13 @@ def _progress(console: Console, total: int) -> Iterator[Callable[[str], Callable
 
 def _print(studies: "list[Study]") -> None:
     """The table of claims; of a single study also the table of what was measured."""
-    from rich.console import Console as RichConsole
     from rich.table import Table
     from rich.text import Text
 
+    from qualrl.commands.tables import PipedConsole
     from qualrl.studies.document import HEADINGS, claim_rows, measured_table, remarks
 
-    out = RichConsole(highlight=False)
+    out = PipedConsole(highlight=False)
     claims = Table(show_lines=True, expand=True)
     for heading, ratio in zip(HEADINGS, (None, 5, 6, 4), strict=True):
         claims.add_column(heading, ratio=ratio)

@@ -16,7 +16,7 @@ from qualrl.spatial.region_map import RegionMap
 MOST_ROWS = 40
 
 
-class _Console(RichConsole):
+class PipedConsole(RichConsole):
     """Whoever reads us may stop reading: rich would end with 1, which means something else here."""
 
     def on_broken_pipe(self) -> None:
@@ -30,7 +30,7 @@ def print_map(regions: RegionMap) -> None:
     height, width = grid.shape
     free = int(grid.free.sum())
     unknown = int((~grid.free & ~grid.occupied).sum())
-    out = _Console(highlight=False)
+    out = PipedConsole(highlight=False)
     out.print(
         f"{grid.source or 'map'}: {width} x {height} cells of {grid.resolution_m:g} m "
         f"({width * grid.resolution_m:g} x {height * grid.resolution_m:g} m), "
@@ -48,7 +48,7 @@ def print_map(regions: RegionMap) -> None:
     out.print("landmarks: " + (", ".join(f"{count} {kind}" for kind, count in counts.items()) or "none"), markup=False)
 
 
-def _print_regions(out: _Console, regions: RegionMap) -> None:
+def _print_regions(out: PipedConsole, regions: RegionMap) -> None:
     named = [region for region in regions.regions if region.kind != "pocket"]
     table = Table("region", "kind", title=f"{len(named)} regions", title_justify="left")
     for heading in ("area (m2)", "cells", "centre row,col", "doors"):
@@ -67,7 +67,7 @@ def _print_regions(out: _Console, regions: RegionMap) -> None:
         out.print(f"and {len(pockets)} pockets of free cells that lead nowhere ({area_m2:.2f} m2 together)")
 
 
-def _print_doors(out: _Console, regions: RegionMap) -> None:
+def _print_doors(out: PipedConsole, regions: RegionMap) -> None:
     if not regions.doorways:
         out.print("no doorways")
         return
@@ -80,7 +80,7 @@ def _print_doors(out: _Console, regions: RegionMap) -> None:
     _print_rest(out, len(regions.doorways), "doorways")
 
 
-def _print_rest(out: _Console, count: int, what: str) -> None:
+def _print_rest(out: PipedConsole, count: int, what: str) -> None:
     if count > MOST_ROWS:
         out.print(f"and {count - MOST_ROWS} more {what} (--json lists all)")
 
@@ -99,7 +99,7 @@ def print_learning(run: LearningRun) -> None:
         lines.append(f"value of the start: {learned_value:.6g} learned, {exact:.6g} exact")
     lines.append(f"largest error of any state's value, those hardly visited included: {run.max_error:.4g}")
     lines += [_recovered(recovery) for recovery in run.recovery]
-    out = _Console(highlight=False)
+    out = PipedConsole(highlight=False)
     out.print("\n".join(lines), markup=False, soft_wrap=True)
     if run.growth is not None and run.knew_map is not None:
         _print_growth(out, run.growth)
@@ -117,7 +117,7 @@ def _took(episodes: int | None, steps: int | None) -> str:
     return "not at all" if episodes is None else f"after {episodes} episodes, {steps:,} steps"
 
 
-def _print_growth(out: _Console, growth: Growth) -> None:
+def _print_growth(out: PipedConsole, growth: Growth) -> None:
     table = Table(title="the map as it became known", title_justify="left")
     for heading in ("steps", "episode", "cells", "known", "regions", "doors", "marks", "goal seen"):
         table.add_column(heading, justify="right")
@@ -143,14 +143,14 @@ def print_learners(rows: Sequence[Mapping[str, str]]) -> None:
     table = Table("learner", "what it is", "its values converge to", "source", show_lines=True)
     for row in rows:
         table.add_row(row["name"], row["title"], row["limit"], row["source"])
-    _Console(highlight=False).print(table)
+    PipedConsole(highlight=False).print(table)
 
 
 def print_plan(plan: Plan) -> None:
     """A plan in words."""
-    _Console(highlight=False).print(plan.explain(), markup=False, soft_wrap=True)
+    PipedConsole(highlight=False).print(plan.explain(), markup=False, soft_wrap=True)
 
 
 def print_files(folder: Path, names: list[str]) -> None:
     """What was written."""
-    _Console(highlight=False).print(f"written to {folder}: {', '.join(names)}", markup=False, soft_wrap=True)
+    PipedConsole(highlight=False).print(f"written to {folder}: {', '.join(names)}", markup=False, soft_wrap=True)

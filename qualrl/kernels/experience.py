@@ -137,7 +137,7 @@ def likeliest(grid: Any, slip: Any, table: Any, seen: Any, row: Any, a: Any, n_a
 def refreshed(
     grid: Any, slip: Any, table: Any, seen: Any, q: Any, value: Any, s: Any, gamma: Any, n_actions: Any
 ) -> Any:
-    """Back up every action tried in a state; returns by how much its value changed, and the new value."""
+    """Back up every action tried in a state; returns by how much its value changed."""
     base = s * uint64(n_actions)
     for a in range(n_actions):
         row = base + uint64(a)
@@ -146,4 +146,4 @@ def refreshed(
     best = largest(q, base, n_actions)
     change = abs(best - value[s])
     value[s] = best
-    return change, best
+    return change

@@ -96,7 +96,7 @@ def _sweep(
         if size == 0:
             break
         s, size = pop(heap, size)
-        change, _ = refreshed(grid, slip, table, seen, q, value, s, gamma, n_actions)
+        change = refreshed(grid, slip, table, seen, q, value, s, gamma, n_actions)
         if gamma * change > heap.threshold:
             for i in range(seen.before_start[s], seen.before_start[s + uint64(1)]):
                 outcome = seen.before[i]
