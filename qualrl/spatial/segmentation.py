@@ -116,7 +116,7 @@ def _look(free: Flags, cell_m: float, furniture_m: float) -> _View:
     """The view of free cells (H, W)."""
     zoom = 2 if np.median(_distance(np.pad(free, 1))[1:-1, 1:-1][free]) < COARSE_CELLS else 1
     larger, gap = (np.pad(flags.repeat(zoom, 0).repeat(zoom, 1), 1) for flags in (free, _gaps(free)))
-    thing = _furniture(larger, cell_m / zoom, furniture_m)
+    thing = _furniture(larger, cell_m / zoom, zoom, furniture_m)
     clear = larger | (thing >= 0)
     radius = round(WHISKER_M * zoom / cell_m)
     if radius:
@@ -145,13 +145,17 @@ def _gaps(free: Flags) -> Flags:
     return np.asarray(free & corners & through, np.bool_)
 
 
-def _furniture(free: Flags, cell_m: float, furniture_m: float) -> Labels:
-    """(h, w) number of the free-standing thing at each cell, if it is small or a compact block; else -1."""
+def _furniture(free: Flags, cell_m: float, zoom: int, furniture_m: float) -> Labels:
+    """(h, w) number of the free-standing thing at each cell, if it is small or a compact block; else -1.
+
+    cell_m: side of a cell of the view.
+    """
     _, thing, stats, _ = cv2.connectedComponentsWithStats((~free).astype(np.uint8), connectivity=8)
     width_m, height_m = stats[:, cv2.CC_STAT_WIDTH] * cell_m, stats[:, cv2.CC_STAT_HEIGHT] * cell_m
     solid = stats[:, cv2.CC_STAT_AREA] * cell_m**2 > 0.5 * width_m * height_m
     longer, shorter = np.maximum(width_m, height_m), np.minimum(width_m, height_m)
-    block = solid & (longer < 3 * shorter) & (width_m * height_m < BLOCK_M2)
+    # Where walls are one cell thick, what is left of one between its gaps is no block.
+    block = solid & (longer < 3 * shorter) & (width_m * height_m < BLOCK_M2) & (shorter > 1.5 * zoom * cell_m)
     looked_past = block | (longer < furniture_m)
     looked_past[[0, thing[0, 0]]] = False
     return np.where(looked_past[thing], thing, -1).astype(np.int32)
