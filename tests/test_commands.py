@@ -130,7 +130,12 @@ def test_show_tells_the_same_of_map_and_scenario(here):
     of_scenario = json.loads(qualrl("show", "rooms.scenario.yaml", "--json", cwd=here)[0])
     assert [region["name"] for region in of_map["regions"]] == ["room A", "room B"]
     assert [region["name"] for region in of_scenario["regions"]] == ["kitchen", "room B"]
+    (door,) = of_map["doorways"]
+    assert door["midpoint"] in door["cells"]
+    assert door["ends"][0] in door["cells"]
+    x_m, y_m = door["midpoint_m"]
     text, _ = qualrl("show", "rooms.yaml", cwd=here)
+    assert f"{x_m:.2f},{y_m:.2f}" in text
     assert "room A" in text
     assert "19 x 9 cells" in text
     assert "\x1b" not in text

@@ -1,5 +1,6 @@
 """Regions and doorways: the partition holds on any map, and known maps give the rooms a person sees."""
 
+import math
 from collections import deque
 
 import networkx as nx
@@ -12,9 +13,10 @@ from hypothesis.extra.numpy import arrays
 from qualrl.errors import SettingError
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.thickness import disc_centres, local_thickness
+from qualrl.spatial.doorways import find_doorways
 from qualrl.spatial.naming import letters, reading_order
 from qualrl.spatial.occupancy_grid import OccupancyGrid
-from qualrl.spatial.region_map import RegionMap
+from qualrl.spatial.region_map import Doorway, RegionMap
 from qualrl.spatial.segmentation import segment
 
 PUZZLE = """
@@ -96,6 +98,17 @@ def check(seen: RegionMap) -> None:
     assert [mark.name for mark in seen.landmarks[: len(seen.doorways)]] == [door.name for door in seen.doorways]
 
 
+def check_chord(door: Doorway) -> None:
+    """The chord is the longest one between cells of the doorway, the width its length, the midpoint in its middle."""
+    cells = [(int(row), int(column)) for row, column in door.cells]
+    longest = max(math.dist(here, there) for here in cells for there in cells)
+    first, last = door.ends
+    assert {first, last} <= set(cells)
+    assert math.dist(first, last) == longest
+    middle = ((first[0] + last[0]) / 2, (first[1] + last[1]) / 2)
+    assert math.dist(door.midpoint, middle) == min(math.dist(cell, middle) for cell in cells)
+
+
 def check_doorways(seen: RegionMap) -> None:
     """Doorways hold one end of every step between regions, and join what the free space joins."""
     label, height, width = seen.label, *seen.label.shape
@@ -103,6 +116,7 @@ def check_doorways(seen: RegionMap) -> None:
     for door in seen.doorways:
         assert door.pair[0] < door.pair[1]
         assert len({int(label[row, column]) for row, column in door.cells}) == 1
+        check_chord(door)
         cells.setdefault(door.pair, set()).update((int(row), int(column)) for row, column in door.cells)
     touching = set()
     for row in range(height):
@@ -168,6 +182,19 @@ def test_a_door_between_two_rooms() -> None:
     assert door.width_m == pytest.approx(0.9)
     assert 81 <= door.cells[:, 1].min() == door.cells[:, 1].max() <= 84
     assert door.cells[:, 0].tolist() == list(range(52, 70))
+    column = int(door.cells[0, 1])
+    assert door.ends == ((52, column), (69, column))
+    assert door.midpoint == (60, column)
+
+
+def test_the_width_of_a_bent_row_is_that_of_its_chord() -> None:
+    label = np.ones((8, 7), np.int32)
+    label[:4] = label[4:6, 2:5] = 0
+    distance, nothing, wide = np.ones(label.shape, np.float32), np.full_like(label, -1), np.full(2, 9, np.float32)
+    (door,) = find_doorways(label, distance, nothing, wide, 0.5)
+    assert len(door.cells) == 9
+    assert (door.ends, door.width_m) == (((3, 0), (3, 6)), 3.5)
+    assert door.midpoint == (4, 2)
 
 
 def test_names_run_from_west_to_east_whatever_a_stray_cell_does() -> None:

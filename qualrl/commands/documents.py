@@ -39,6 +39,10 @@ def map_document(regions: RegionMap, graph: Graph) -> dict[str, Any]:
                 "name": door.name,
                 "between": [names[index] for index in door.pair],
                 "width_m": door.width_m,
+                "ends": [list(cell) for cell in door.ends],
+                "ends_m": [list(grid.to_world(*cell)) for cell in door.ends],
+                "midpoint": list(door.midpoint),
+                "midpoint_m": list(grid.to_world(*door.midpoint)),
                 "cells": door.cells.tolist(),
                 "kind": "opening" if door.is_open else "door",
             }

@@ -72,10 +72,16 @@ def _print_doors(out: PipedConsole, regions: RegionMap) -> None:
         out.print("no doorways")
         return
     table = Table("doorway", "between", "and", title=f"{len(regions.doorways)} doorways", title_justify="left")
-    table.add_column("width (m)", justify="right")
+    for heading in ("width (m)", "middle row,col", "middle x,y (m)"):
+        table.add_column(heading, justify="right")
     names = regions.region_names
     for door in regions.doorways[:MOST_ROWS]:
-        table.add_row(Text(door.name), Text(names[door.pair[0]]), Text(names[door.pair[1]]), f"{door.width_m:.2f}")
+        row, column = door.midpoint
+        x_m, y_m = regions.grid.to_world(row, column)
+        table.add_row(
+            Text(door.name), Text(names[door.pair[0]]), Text(names[door.pair[1]]), f"{door.width_m:.2f}",
+            f"{row},{column}", f"{x_m:.2f},{y_m:.2f}",
+        )  # fmt: skip
     out.print(table)
     _print_rest(out, len(regions.doorways), "doorways")
 

@@ -3,6 +3,7 @@
 H, W: rows, columns.  E: steps between two regions, each with an end (a flat cell index) in either.
 """
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from qualrl.kernels import regions as kernels
-from qualrl.spatial.region_map import Doorway
+from qualrl.spatial.region_map import Doorway, farthest_apart
 
 Ints = NDArray[np.int32]
 
@@ -66,7 +67,8 @@ def _doorway(pair: tuple[int, int], cells: Ints, is_open: bool, resolution_m: fl
     """A doorway without a name."""
     cells = cells.astype(np.int32)
     cells.setflags(write=False)
-    return Doorway("", pair, cells, _span(cells) * resolution_m, is_open)
+    width = math.dist(*farthest_apart(cells)) + 1
+    return Doorway("", pair, cells, width * resolution_m, is_open)
 
 
 def _breadth(free: NDArray[np.bool_], ends: Ints) -> Ints:
@@ -107,12 +109,6 @@ def _contacts(ends: Ints, pair: Ints, thing: Ints) -> Ints:
     graph = coo_array((np.ones(start.size, np.int8), (start, end)), shape=(size, size))
     piece: Ints = connected_components(graph, directed=False)[1]
     return piece[start[: len(ends)]]
-
-
-def _span(cells: Ints) -> float:
-    """Length in cells of the chord between a doorway's far ends, which count in full."""
-    far = cells[np.argmax(((cells - cells[0]) ** 2).sum(axis=1))]
-    return float(np.sqrt(((cells - far) ** 2).sum(axis=1).max())) + 1.0
 
 
 def _named(found: list[Doorway]) -> tuple[Doorway, ...]:

@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,16 +41,31 @@ class Doorway:
     cells: NDArray[np.int32]
     """(N, 2) the cells of the doorway, one row of them, in image order."""
     width_m: float
+    """Length of the chord between its two ends, both cells counted in full: the clear width where the cells lie in
+    a straight line from wall to wall.  Where they are bent, the width of the opening and not the length of the row."""
     is_open: bool
     """True for a wide border without walls beside it ("opening"), False for a door."""
 
     @property
     def ends(self) -> tuple[Cell, Cell]:
-        """The two cells of the doorway that are farthest apart: the ends of its chord."""
-        middle = self.cells.mean(axis=0)
-        first = self.cells[np.argmax(((self.cells - middle) ** 2).sum(axis=1))]
-        last = self.cells[np.argmax(((self.cells - first) ** 2).sum(axis=1))]
-        return (int(first[0]), int(first[1])), (int(last[0]), int(last[1]))
+        """The two cells of the doorway that are farthest apart, in image order: the ends of its chord."""
+        return farthest_apart(self.cells)
+
+    @property
+    def midpoint(self) -> Cell:
+        """The cell of the doorway nearest the middle of its chord; of equally near ones the first."""
+        first, last = self.ends
+        off = 2 * self.cells - (np.array(first) + last)
+        row, column = self.cells[np.argmin((off**2).sum(axis=1))]
+        return int(row), int(column)
+
+
+def farthest_apart(cells: NDArray[np.int32]) -> tuple[Cell, Cell]:
+    """Two of some cells (N, 2) that are as far apart as any, in image order; a cell twice where there is only one."""
+    hull = np.unique(cv2.convexHull(cells.astype(np.int32)).reshape(-1, 2), axis=0)
+    apart = ((hull[:, None] - hull[None]) ** 2).sum(axis=2)
+    first, last = hull[list(divmod(int(apart.argmax()), len(hull)))].tolist()
+    return (first[0], first[1]), (last[0], last[1])
 
 
 @dataclass(frozen=True, eq=False)
