@@ -8,24 +8,21 @@ H, W: rows, columns of the grid.  h, w: rows, columns of the view, which has a m
 maps drawn in few cells, two cells for each of the grid's (widths of 1 and 2 cells are alike otherwise).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import find_objects
 
 from qualrl.errors import SettingError
 from qualrl.kernels import regions as kernels
-from qualrl.kernels.labels import measured
 from qualrl.kernels.thickness import disc_centres, local_thickness
+from qualrl.spatial.description import described
 from qualrl.spatial.doorways import find_doorways
 from qualrl.spatial.landmarks import find_landmarks
-from qualrl.spatial.naming import name_regions, ordered
 from qualrl.spatial.occupancy_grid import OccupancyGrid
-from qualrl.spatial.region_map import Region, RegionMap
+from qualrl.spatial.region_map import RegionMap
 
 PINCH, STEP, SLENDER, LONG, ROOMY = 0.85, 0.6, 9.0, 5.0, 6.0
 """See ``kernels.regions.Rules``."""
@@ -35,12 +32,6 @@ WHISKER_M = 0.12
 """Half-width of the passages that are gaps between a scanner's rays rather than ways."""
 COARSE_CELLS = 4.0
 """A map whose free cells are typically nearer than this to a wall is drawn in few cells."""
-ELONGATED = 3.0
-"""A corridor is at least this many times as long as wide."""
-COMPACT = 0.6
-"""A region that fills this share of a rectangle, itself not elongated, is no corridor."""
-LINE_M = 2.0
-"""Regions whose centres are within this many metres, north to south, are read as one line."""
 GAP_DISTANCE = 0.05
 """Distance from walls, in cells, in gaps of one cell: less than anywhere else."""
 
@@ -98,7 +89,8 @@ def segment(
     seen = view.to_grid(_regions_of(view, min_area_m2 * (view.zoom / resolution_m) ** 2, pinch))
     label = _settled(seen, grid.free & ~apart, min_area_m2 / resolution_m**2)
     label[apart] = island[apart] + label.max() + 1
-    label, regions, half_width = _described(label, apart, view, resolution_m)
+    thickness = view.to_grid(view.thickness) / np.float32(view.zoom)
+    label, regions, half_width = described(label, apart, thickness, resolution_m)
     distance = view.to_grid(view.distance) / np.float32(view.zoom)
     doorways = find_doorways(label, distance, view.to_grid(view.thing), pinch * half_width, resolution_m)
     landmarks = find_landmarks(label, regions, doorways, distance, half_width, resolution_m)
@@ -229,40 +221,3 @@ def _pieces(label: Labels) -> tuple[Labels, NDArray[np.int64]]:
     """(H, W) number of the 4-connected piece of equal label at each cell, and the cells of each piece."""
     piece, count = kernels.pieces(label)
     return piece, np.bincount(piece[piece >= 0], minlength=count)
-
-
-def _described(
-    label: Labels, apart: Flags, view: _View, resolution_m: float
-) -> tuple[Labels, tuple[Region, ...], Floats]:
-    """Label (H, W) by the regions' order, the regions, and the half-width of each in cells."""
-    free, width = label >= 0, label.shape[1]
-    used = np.zeros(int(label.max()) + 1, np.bool_)
-    used[label[free]] = True
-    number = np.where(free, (np.cumsum(used) - 1)[label], -1).astype(np.int32)
-    border = np.zeros(number.size, np.bool_)
-    border[kernels.crossings(number)] = True
-    within = free & ~border.reshape(number.shape)
-    cells, sums, innermost = measured(number, int(used.sum()), _distance(np.pad(within, 1))[1:-1, 1:-1])
-    thickness = np.maximum(view.to_grid(view.thickness) / np.float32(view.zoom), 0.5)
-    half_width = np.bincount(number[free], thickness[free]) / cells
-    kinds = _kinds(number, apart.ravel()[innermost], cells >= ELONGATED * (2 * half_width) ** 2)
-    regions = [
-        Region("", kind, int(size), float(size * resolution_m**2), (float(row), float(column)), divmod(int(at), width))
-        for kind, size, (row, column), at in zip(kinds, cells, sums / cells[:, None], innermost, strict=True)
-    ]
-    order = ordered(regions, line=LINE_M / resolution_m)
-    rank = np.argsort(order).astype(np.int32)
-    named = name_regions([regions[at] for at in order])
-    return np.where(free, rank[number], -1).astype(np.int32), named, half_width[order].astype(np.float32)
-
-
-def _kinds(label: Labels, is_pocket: Flags, is_long: Flags) -> Sequence[str]:
-    """The kind of each region.  Clutter makes rooms look long: compact ones are rooms all the same."""
-    kinds = np.where(is_pocket, "pocket", np.where(is_long, "corridor", "room")).tolist()
-    boxes = find_objects(np.where((label >= 0) & is_long[label], label + 1, 0))
-    for at in np.flatnonzero(is_long & ~is_pocket):
-        inside = (label[boxes[at]] == at).astype(np.uint8)
-        longer, shorter = sorted((side + 1 for side in cv2.minAreaRect(cv2.findNonZero(inside))[1]), reverse=True)
-        if longer < ELONGATED * shorter and inside.sum() > COMPACT * longer * shorter:
-            kinds[at] = "room"
-    return [str(kind) for kind in kinds]
