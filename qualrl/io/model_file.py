@@ -8,7 +8,7 @@ Arrays of a model with a map: ``label`` and ``occupied`` (H, W), ``door_cells`` 
 import hashlib
 import json
 import zipfile
-from dataclasses import replace
+from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from qualrl.models.levels import Grouping
 from qualrl.models.tabular_mdp import TabularMDP
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.place import PlaceCell
-from qualrl.spatial.region_map import Doorway, Landmark, Region, RegionMap
+from qualrl.spatial.region_map import Doorway, Landmark, Region, RegionMap, Shape
 
 FORMAT = "qualrl-hybrid-mdp/1"
 MOST_BYTES = 8 * 2**30
@@ -107,7 +107,7 @@ def _pack_map(model: HybridMDP) -> tuple[dict[str, Any], Arrays]:
             "goal": world.goal_cell, "slip": world.slip, "directions": world.directions,
             "step_reward": world.step_reward, "goal_reward": world.goal_reward,
         },
-        "regions": [[r.name, r.kind, r.cells, r.area_m2, r.centroid, r.centre] for r in regions.regions],
+        "regions": [_pack_region(region) for region in regions.regions],
         "doorways": [[d.name, d.pair, d.width_m, d.is_open] for d in doors],
         "landmarks": [[m.name, m.kind, m.cell, m.regions] for m in marks],
     }  # fmt: skip
@@ -120,6 +120,24 @@ def _pack_map(model: HybridMDP) -> tuple[dict[str, Any], Arrays]:
         "mark_ends": np.cumsum([len(mark.cells) for mark in marks], dtype=np.int64),
     }
     return about, arrays
+
+
+def _pack_region(region: Region) -> list[Any]:
+    """Without a shape, as older files hold it, when it has none."""
+    packed = [region.name, region.kind, region.cells, region.area_m2, region.centroid, region.centre]
+    return packed if region.shape is None else [*packed, list(astuple(region.shape))]
+
+
+def _unpack_region(
+    name: str, kind: str, cells: int, area_m2: float, centroid: list[float], centre: list[int],
+    shape: list[Any] | None = None,
+) -> Region:  # fmt: skip
+    (y, x), (row, column) = centroid, centre
+    found = None
+    if shape is not None:
+        half_width_m, stretch, (longer_m, shorter_m), *rest = shape
+        found = Shape(half_width_m, stretch, (longer_m, shorter_m), *rest)
+    return Region(name, kind, cells, area_m2, (y, x), (row, column), found)
 
 
 def _stacked(cells: list[NDArray[np.int32]]) -> NDArray[np.int32]:
@@ -136,7 +154,7 @@ def _unpack_map(about: dict[str, Any], arrays: Arrays) -> HybridMDP:
     regions = RegionMap(
         grid,
         label,
-        tuple(Region(n, k, c, a, (y, x), (row, col)) for n, k, c, a, (y, x), (row, col) in about["regions"]),
+        tuple(_unpack_region(*packed) for packed in about["regions"]),
         tuple(
             Doorway(name, (first, second), cells, width, is_open)
             for (name, (first, second), width, is_open), cells in zip(

@@ -71,3 +71,28 @@ def measured(label: Ints, count: int, depth: Floats) -> tuple[NDArray[np.int64],
                     nearest[here] = away
                     centre[here] = row * width + column
     return cells, sums, centre
+
+
+@compiled
+def borders(label: Ints, occupied: NDArray[np.bool_], count: int) -> NDArray[np.int64]:
+    """(count, 2): of each label the sides of its cells that face a wall, and those that face what is unknown.
+
+    label (H, W), -1 where not free; occupied (H, W).  A wall is an occupied cell, one right beside the cell faced,
+    as scans leave them, or the map's edge.
+    """
+    height, width = label.shape
+    sides = np.zeros((count, 2), np.int64)
+    for row in range(height):
+        for column in range(width):
+            here = label[row, column]
+            if here < 0:
+                continue
+            for move in range(4):
+                r = row + (move == 1) - (move == 0)
+                c = column + (move == 3) - (move == 2)
+                if not (0 <= r < height and 0 <= c < width):
+                    sides[here, 0] += 1
+                elif label[r, c] < 0:
+                    wall = occupied[max(r - 1, 0) : r + 2, max(c - 1, 0) : c + 2].any()
+                    sides[here, 0 if wall else 1] += 1
+    return sides

@@ -1,73 +1,175 @@
-"""What a region is: its kind, its place in the order, and its name, from its cells.
+"""What a region is: its shape in numbers, the kind that follows from them, its place in the order, its name.
 
-H, W: rows, columns of the grid.  Lengths are in cells unless their name says otherwise.
+R regions.  H, W: rows, columns of the grid.  Lengths are in cells unless their name says otherwise.
+
+The rules, first come first served; areas are meant for buildings, but a hall is also large beside the other rooms, so
+that maps without units, whose cells count as a metre, have no halls for their size alone:
+
+- pocket: nothing connects it to the rest of the map;
+- open area: openings, or unknown space, bound it rather than walls;
+- corridor: long for its width (along bends, branches, rings) and not compact; longer still if fewer than two ways
+  lead out of it, for a room with a niche is not one;
+- closet: small, with one way out at most;
+- hall: large, or a hub (many ways out, compact, roomy);
+- room: all else.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import find_objects
 
+from qualrl.kernels import labels
 from qualrl.kernels import regions as kernels
-from qualrl.kernels.labels import measured
 from qualrl.spatial.naming import name_regions, ordered
-from qualrl.spatial.region_map import Region
+from qualrl.spatial.region_map import Doorway, Region, Shape
 
 ELONGATED = 3.0
-"""A corridor is at least this many times as long as wide."""
+"""A corridor's area is at least this many squares of its width, twice as many if fewer than two ways lead out."""
 COMPACT = 0.6
 """A region that fills this share of a rectangle, itself not elongated, is no corridor."""
-LINE_M = 2.0
-"""Regions whose centres are within this many metres, north to south, are read as one line."""
+CLOSET_M2 = 5.0
+"""A closet has less area."""
+HALL_M2, HALL_TIMES = 60.0, 2.5
+"""A hall has at least this area, and this many times that of the map's typical (median) room."""
+HUB_M2, HUB_TIMES, HUB_WAYS = 25.0, 1.5, 5
+"""So much is enough for a hall with that many ways out."""
+OPEN = 0.5
+"""Openings are this share of an open area's border ..."""
+UNSEEN = 0.6
+"""... or openings and unknown space this one,"""
+RECTANGULAR = 0.8
+"""unless it fills this share of a rectangle: scans often leave out walls, but no open area is that straight."""
 
 Flags = NDArray[np.bool_]
 Labels = NDArray[np.int32]
 Floats = NDArray[np.float32]
 
 
-def described(
-    label: Labels, apart: Flags, thickness: Floats, resolution_m: float
-) -> tuple[Labels, tuple[Region, ...], Floats]:
-    """Label (H, W) by the regions' order, the regions, and the half-width of each in cells.
+class Parts(NamedTuple):
+    """Regions before they have an order: arrays by their number."""
 
-    label (H, W) any numbers from 0, -1 where not free; apart (H, W) what nothing connects to the rest;
-    thickness (H, W) radius in cells of the largest free disc over each cell.
+    label: Labels
+    """(H, W) number of each cell's region, from 0 without gaps; -1 where not free."""
+    cells: NDArray[np.int64]
+    """(R,)"""
+    centroid: NDArray[np.float64]
+    """(R, 2)"""
+    centre: Labels
+    """(R,) flat index of a cell well inside."""
+    half_width: Floats
+    """(R,) radius of the largest free disc over a cell, on average."""
+    is_pocket: Flags
+    """(R,)"""
+
+
+def measure(label: Labels, apart: Flags, thickness: Floats) -> Parts:
+    """The regions of a label image (H, W) of any numbers from 0, -1 where not free.
+
+    apart (H, W) what nothing connects to the rest; thickness (H, W) radius of the largest free disc over each cell.
     """
-    free, width = label >= 0, label.shape[1]
+    free = label >= 0
     used = np.zeros(int(label.max()) + 1, np.bool_)
     used[label[free]] = True
     number = np.where(free, (np.cumsum(used) - 1)[label], -1).astype(np.int32)
     border = np.zeros(number.size, np.bool_)
     border[kernels.crossings(number)] = True
-    within = free & ~border.reshape(number.shape)
-    cells, sums, innermost = measured(number, int(used.sum()), _distance(np.pad(within, 1))[1:-1, 1:-1])
-    thickness = np.maximum(thickness, 0.5)
-    half_width = np.bincount(number[free], thickness[free]) / cells
-    kinds = _kinds(number, apart.ravel()[innermost], cells >= ELONGATED * (2 * half_width) ** 2)
+    within = np.pad(free & ~border.reshape(number.shape), 1).astype(np.uint8)
+    depth = np.asarray(cv2.distanceTransform(within, cv2.DIST_L2, cv2.DIST_MASK_PRECISE), np.float32)[1:-1, 1:-1]
+    cells, sums, centre = labels.measured(number, int(used.sum()), depth)
+    half_width = np.bincount(number[free], np.maximum(thickness, 0.5)[free]) / cells
+    return Parts(number, cells, sums / cells[:, None], centre, half_width.astype(np.float32), apart.ravel()[centre])
+
+
+def describe(
+    parts: Parts, doorways: Sequence[Doorway], occupied: Flags, resolution_m: float
+) -> tuple[tuple[Region, ...], list[int]]:
+    """The regions in their order, with names, kinds and what decided these; and the number of each in ``parts``."""
+    shapes = _shapes(parts, doorways, occupied, resolution_m)
+    areas_m2 = (parts.cells * resolution_m**2).tolist()
+    width = parts.label.shape[1]
+    kinds = _kinds(parts.is_pocket, areas_m2, shapes)
     regions = [
-        Region("", kind, int(size), float(size * resolution_m**2), (float(row), float(column)), divmod(int(at), width))
-        for kind, size, (row, column), at in zip(kinds, cells, sums / cells[:, None], innermost, strict=True)
+        Region("", kind, int(size), area_m2, (float(row), float(column)), divmod(int(at), width), shape)
+        for kind, size, area_m2, (row, column), at, shape in zip(
+            kinds, parts.cells, areas_m2, parts.centroid, parts.centre, shapes, strict=True
+        )
     ]
-    order = ordered(regions, line=LINE_M / resolution_m)
-    rank = np.argsort(order).astype(np.int32)
-    named = name_regions([regions[at] for at in order])
-    return np.where(free, rank[number], -1).astype(np.int32), named, half_width[order].astype(np.float32)
+    order = ordered(regions, resolution_m)
+    return name_regions([regions[at] for at in order]), order
 
 
-def _kinds(label: Labels, is_pocket: Flags, is_long: Flags) -> Sequence[str]:
-    """The kind of each region.  Clutter makes rooms look long: compact ones are rooms all the same."""
-    kinds = np.where(is_pocket, "pocket", np.where(is_long, "corridor", "room")).tolist()
-    boxes = find_objects(np.where((label >= 0) & is_long[label], label + 1, 0))
-    for at in np.flatnonzero(is_long & ~is_pocket):
-        inside = (label[boxes[at]] == at).astype(np.uint8)
-        longer, shorter = sorted((side + 1 for side in cv2.minAreaRect(cv2.findNonZero(inside))[1]), reverse=True)
-        if longer < ELONGATED * shorter and inside.sum() > COMPACT * longer * shorter:
-            kinds[at] = "room"
-    return [str(kind) for kind in kinds]
+def _shapes(parts: Parts, doorways: Sequence[Doorway], occupied: Flags, resolution_m: float) -> list[Shape]:
+    """The shape of each region."""
+    count = len(parts.cells)
+    walls, unknown = labels.borders(parts.label, occupied, count).T
+    ways = np.zeros((count, 2), np.int64)
+    opening = np.zeros(count, np.int64)
+    for door in doorways:
+        for region in door.pair:
+            ways[region, int(door.is_open)] += 1
+            opening[region] += len(door.cells) * door.is_open
+    border = np.maximum(walls + unknown + opening, 1)
+    # A map that shows hardly a wall says nothing by what it does not show.
+    says_walls = walls.sum() >= unknown.sum()
+    shapes = []
+    for region, (box, cells) in enumerate(zip(find_objects(parts.label + 1), parts.cells, strict=True)):
+        longer, shorter = _sides(parts.label[box] == region, bool(parts.is_pocket[region]))
+        half_width = float(parts.half_width[region])
+        shapes.append(
+            Shape(
+                half_width * resolution_m, float(cells / (2 * half_width) ** 2),
+                (longer * resolution_m, shorter * resolution_m), float(cells / (longer * shorter)),
+                int(ways[region, 0]), int(ways[region, 1]), float(opening[region] / border[region]),
+                float(unknown[region] / border[region]) if says_walls else 0.0,
+            )
+        )  # fmt: skip
+    return shapes
 
 
-def _distance(free: Flags) -> Floats:
-    """From each cell to the nearest one that is not free, in cells."""
-    return np.asarray(cv2.distanceTransform(free.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE), np.float32)
+def _sides(inside: Flags, upright: bool) -> tuple[float, float]:
+    """Longer and shorter side of the smallest rectangle around the cells of a mask; of any slant unless upright."""
+    if upright:
+        return float(max(inside.shape)), float(min(inside.shape))
+    rows = np.flatnonzero(inside.any(axis=1))
+    first, last = inside[rows].argmax(axis=1), inside.shape[1] - 1 - inside[rows, ::-1].argmax(axis=1)
+    # The rows' ends have the same hull as all cells.
+    ends = np.concatenate([np.stack([first, rows], axis=1), np.stack([last, rows], axis=1)])
+    shorter, longer = sorted(float(side) + 1 for side in cv2.minAreaRect(ends.astype(np.float32))[1])
+    return longer, shorter
+
+
+def _kinds(is_pocket: Flags, areas_m2: Sequence[float], shapes: Sequence[Shape]) -> list[str]:
+    """The kind of each region: see the rules above."""
+    kinds = [
+        "pocket" if apart else _kind(area_m2, shape)
+        for apart, area_m2, shape in zip(is_pocket, areas_m2, shapes, strict=True)
+    ]
+    rooms = [at for at, kind in enumerate(kinds) if kind == "room"]
+    typical_m2 = float(np.median([areas_m2[at] for at in rooms])) if rooms else 0.0
+    for at in rooms:
+        if _is_hall(areas_m2[at], shapes[at], typical_m2):
+            kinds[at] = "hall"
+    return kinds
+
+
+def _kind(area_m2: float, shape: Shape) -> str:
+    """The kind as far as the region alone decides it."""
+    unseen = shape.open_share + shape.unknown_share
+    if shape.open_share >= OPEN or (unseen >= UNSEEN and shape.fill < RECTANGULAR):
+        return "open area"
+    longer_m, shorter_m = shape.sides_m
+    slender = longer_m >= ELONGATED * shorter_m
+    long = shape.stretch >= ELONGATED * (1 if slender or shape.degree >= 2 else 2)
+    # Clutter makes rooms look long: compact ones are rooms all the same.
+    if long and (slender or shape.fill <= COMPACT):
+        return "corridor"
+    return "closet" if area_m2 < CLOSET_M2 and shape.degree == 1 else "room"
+
+
+def _is_hall(area_m2: float, shape: Shape, typical_m2: float) -> bool:
+    large = area_m2 >= max(HALL_M2, HALL_TIMES * typical_m2)
+    return large or (shape.degree >= HUB_WAYS and area_m2 >= max(HUB_M2, HUB_TIMES * typical_m2))

@@ -4,6 +4,7 @@ H, W: rows, columns.  E: steps between two regions, each with an end (a flat cel
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -121,3 +122,12 @@ def _named(found: list[Doorway]) -> tuple[Doorway, ...]:
         count[kind] += 1
         named.append(replace(door, name=f"{kind} {count[kind]}"))
     return tuple(named)
+
+
+def renumbered(doorways: Sequence[Doorway], rank: Sequence[int]) -> tuple[Doorway, ...]:
+    """The same doorways between regions of other numbers (rank of each old one), named anew in their new order."""
+    found = []
+    for door in doorways:
+        first, second = sorted(rank[region] for region in door.pair)
+        found.append(replace(door, pair=(first, second)))
+    return _named(found)

@@ -1,14 +1,24 @@
 """Order and names of places: the same map gives the same names, and a few stray cells do not change them."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from qualrl.spatial.region_map import Region
 
-KINDS = ("room", "corridor", "pocket")
+KINDS = ("room", "corridor", "hall", "closet", "open area", "pocket")
 """The order in which regions are listed."""
-ALIKE = 0.98
-"""Areas are alike, and position decides, when the smaller is at least this share of the larger."""
+ALIKE = 0.95
+"""Areas are alike, and position decides, when the smallest is at least this share of the largest."""
+NEAR_M = 0.5
+"""Distances that differ by less are alike."""
+LINE_M = 2.0
+"""Regions whose centres are within this many metres, north to south, are read as one line."""
+MOST_ENDS = 3
+"""Places from which distances tell regions apart, beside the middle of the map."""
 
 
 def letters(index: int) -> str:
@@ -40,25 +50,71 @@ def reading_order(places: Sequence[tuple[float, float]], line: float) -> list[in
     return order
 
 
-def ordered(regions: Sequence[Region], line: float) -> list[int]:
+def ordered(regions: Sequence[Region], resolution_m: float) -> list[int]:
     """Indices of regions by kind, then area (largest first), then position.
 
-    Regions whose areas are alike form one group, led by the largest: within it they go in reading order.
+    Regions of alike areas are told apart by how far they lie from the middle of the map's free space, then from
+    its largest regions, and only those that this leaves alike, as on a symmetric map, by reading order.  So neither a
+    turned or mirrored map nor a few stray cells change the order of places that differ.
     """
+    centroid = np.array([region.centroid for region in regions])
+    cells = np.array([region.cells for region in regions])
+    smallness = [-math.log(size) for size in cells.tolist()]
+    linked = [at for at, region in enumerate(regions) if region.kind != "pocket"]
+    away = _distances(centroid, cells, linked, smallness)
     order: list[int] = []
     for kind in KINDS:
-        waiting = [at for at, region in enumerate(regions) if region.kind == kind]
-        waiting.sort(key=lambda at: -regions[at].cells)
-        while waiting:
-            least = ALIKE * regions[waiting[0]].cells
-            end = next((at for at, index in enumerate(waiting) if regions[index].cells < least), len(waiting))
-            group, waiting = waiting[:end], waiting[end:]
-            order += [group[at] for at in reading_order([regions[index].centroid for index in group], line)]
+        members = [at for at in linked if regions[at].kind == kind]
+        if kind == "pocket":
+            members = [at for at, region in enumerate(regions) if region.kind == kind]
+        measures = [] if kind == "pocket" else [(far, NEAR_M / resolution_m) for far in away]
+        for group in _told_apart(members, [(smallness, -math.log(ALIKE)), *measures]):
+            line = reading_order([regions[at].centroid for at in group], LINE_M / resolution_m)
+            order += [group[at] for at in line]
     return order
 
 
+def _distances(
+    centroid: NDArray[np.float64], cells: NDArray[np.int64], linked: list[int], smallness: list[float]
+) -> list[list[float]]:
+    """From each region, in cells: to the middle of the linked regions, and to the largest that none is like in size."""
+    if not linked:
+        return []
+    alone = [group[0] for group in _alike(linked, smallness, -math.log(ALIKE)) if len(group) == 1]
+    middle = np.average(centroid[linked], axis=0, weights=cells[linked])
+    ends = [middle, *centroid[alone[:MOST_ENDS]]]
+    # Rounded, since sums depend in their last digits on how the map is turned.
+    return [np.round(np.hypot(*(centroid - end).T), 6).tolist() for end in ends]
+
+
+def _told_apart(members: list[int], measures: Sequence[tuple[list[float], float]]) -> list[list[int]]:
+    """Members in groups that are alike by every (measure, spread), in the order of the measures."""
+    groups = [members] if members else []
+    for value, spread in measures:
+        groups = [part for group in groups for part in _alike(group, value, spread)]
+    return groups
+
+
+def _alike(members: list[int], value: list[float], spread: float) -> list[list[int]]:
+    """Members by increasing value, in groups whose values differ by ``spread`` at most, cut at the widest gaps.
+
+    A gap that is wide stays where it is when values change a little.
+    """
+    members = sorted(members, key=lambda at: value[at])
+    sizes = np.array([value[at] for at in members])
+    groups, waiting = list[list[int]](), [(0, len(members))]
+    while waiting:
+        start, end = waiting.pop()
+        if sizes[end - 1] - sizes[start] <= spread:
+            groups.append(members[start:end])
+        else:
+            cut = start + 1 + int(np.argmax(np.diff(sizes[start:end])))
+            waiting += [(cut, end), (start, cut)]
+    return groups
+
+
 def name_regions(regions: Sequence[Region]) -> tuple[Region, ...]:
-    """The regions, in their order, with names: room A, corridor 1, pocket 1."""
+    """The regions, in their order, with names: room A, corridor 1, open area 1."""
     count = dict.fromkeys(KINDS, 0)
     named = []
     for region in regions:

@@ -17,18 +17,46 @@ from qualrl.spatial.occupancy_grid import Cell, OccupancyGrid
 
 
 @dataclass(frozen=True)
+class Shape:
+    """The numbers that decide a region's kind (the rules stand in ``spatial.description``)."""
+
+    half_width_m: float
+    """Radius of the largest free disc over a cell, on average over its cells."""
+    stretch: float
+    """Its area in squares of its width: how many times as long as wide, walked along bends, branches and rings."""
+    sides_m: tuple[float, float]
+    """Longer and shorter side of the smallest rectangle, of any slant, around it."""
+    fill: float
+    """Share of that rectangle which it fills; convex rooms are near 1."""
+    doors: int
+    openings: int
+    """Doorways of each sort."""
+    open_share: float
+    """Share of its border that is opening."""
+    unknown_share: float
+    """Share of its border beyond which the map is unknown, without a wall beside."""
+
+    @property
+    def degree(self) -> int:
+        """Doors and openings together."""
+        return self.doors + self.openings
+
+
+@dataclass(frozen=True)
 class Region:
     """A part of the free space with a name of its own."""
 
     name: str
     kind: str
-    """"room", "corridor", or "pocket" (free cells that nothing connects to the rest of the map)."""
+    """"room", "corridor", "hall", "closet", "open area", or "pocket" (free cells that nothing connects to the rest)."""
     cells: int
     area_m2: float
     centroid: tuple[float, float]
     """Mean (row, column) of its cells; may lie outside the region."""
     centre: Cell
     """A cell well inside: of those nearly as far from walls and neighbours as any, the one nearest the centroid."""
+    shape: Shape | None = None
+    """What decided its kind; None for regions that were not found but given, or read from an older file."""
 
 
 @dataclass(frozen=True, eq=False)

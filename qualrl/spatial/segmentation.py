@@ -1,4 +1,4 @@
-"""Segmentation: free space cut into rooms, corridors and pockets.
+"""Segmentation: free space cut into rooms, corridors and other regions.
 
 The thickness of a cell is the radius of the largest free disc that covers it: the same all over a room or a
 corridor, with a jump where a corridor opens into a hall.  Zones of alike thickness are grown from thick to
@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from qualrl.errors import SettingError
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.thickness import disc_centres, local_thickness
-from qualrl.spatial.description import described
-from qualrl.spatial.doorways import find_doorways
+from qualrl.spatial.description import describe, measure
+from qualrl.spatial.doorways import find_doorways, renumbered
 from qualrl.spatial.landmarks import find_landmarks
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.region_map import RegionMap
@@ -90,9 +90,13 @@ def segment(
     label = _settled(seen, grid.free & ~apart, min_area_m2 / resolution_m**2)
     label[apart] = island[apart] + label.max() + 1
     thickness = view.to_grid(view.thickness) / np.float32(view.zoom)
-    label, regions, half_width = described(label, apart, thickness, resolution_m)
+    parts = measure(label, apart, thickness)
     distance = view.to_grid(view.distance) / np.float32(view.zoom)
-    doorways = find_doorways(label, distance, view.to_grid(view.thing), pinch * half_width, resolution_m)
+    unordered = find_doorways(parts.label, distance, view.to_grid(view.thing), pinch * parts.half_width, resolution_m)
+    regions, order = describe(parts, unordered, grid.occupied, resolution_m)
+    rank = np.argsort(order).astype(np.int32)
+    label = np.where(grid.free, rank[parts.label], -1).astype(np.int32)
+    half_width, doorways = parts.half_width[order], renumbered(unordered, rank.tolist())
     landmarks = find_landmarks(label, regions, doorways, distance, half_width, resolution_m)
     return RegionMap(grid, label, regions, doorways, landmarks)
 
