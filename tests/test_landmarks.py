@@ -47,7 +47,7 @@ def test_a_room_has_four_corners() -> None:
     free[1:101, 1:121] = True
     seen = segment(OccupancyGrid.from_free(free, 0.05))
     assert cells(seen, "corner") == [(1, 1), (1, 120), (100, 1), (100, 120)]
-    assert [mark.name for mark in seen.landmarks] == ["corner 1", "corner 2", "corner 3", "corner 4"]
+    assert [mark.name for mark in seen.landmarks] == ["corner 1", "corner 2", "corner 3", "corner 4", "centre 1"]
 
 
 def test_ragged_walls_have_no_corners_of_their_own() -> None:

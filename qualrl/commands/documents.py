@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from qualrl.learning.run import LearningRun
+from qualrl.models.levels import wings_of
 from qualrl.qualitative.graph import Graph
 from qualrl.spatial.region_map import RegionMap
 
@@ -31,6 +32,7 @@ def map_document(regions: RegionMap, graph: Graph) -> dict[str, Any]:
                 "area_m2": region.area_m2,
                 "cells": region.cells,
                 "centre": list(region.centre),
+                "shape": None if region.shape is None else {**vars(region.shape), "degree": region.shape.degree},
             }
             for region in regions.regions
         ],
@@ -57,6 +59,7 @@ def map_document(regions: RegionMap, graph: Graph) -> dict[str, Any]:
             }
             for mark in regions.landmarks
         ],
+        "wings": {name: list(inside) for name, inside in wings_of(graph).items()},
         "edges": [{"from": here, "to": there, **data} for here, there, data in graph.edges(data=True)],
     }
 

@@ -16,10 +16,10 @@ def show(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Describe a scenario or a map: size, regions with areas, doors, graph."""
+    """Describe a scenario or a map: size, regions with areas, doors, landmarks, wings."""
     from qualrl.commands.documents import map_document
     from qualrl.commands.inputs import is_scenario
-    from qualrl.commands.tables import print_map
+    from qualrl.commands.tables import print_map_and_wings
     from qualrl.errors import SettingError
     from qualrl.io.bundled import SCENARIO_SUFFIX, found
     from qualrl.io.read_map import read_map
@@ -37,4 +37,4 @@ def show(
     console.warn_of(regions)
     graph = graph_of_regions(regions)
     document = {**map_document(regions, graph), "files": []}
-    console.result(document, lambda: print_map(regions))
+    console.result(document, lambda: print_map_and_wings(regions, document["wings"]))

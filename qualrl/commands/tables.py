@@ -48,6 +48,16 @@ def print_map(regions: RegionMap) -> None:
     out.print("landmarks: " + (", ".join(f"{count} {kind}" for kind, count in counts.items()) or "none"), markup=False)
 
 
+def print_map_and_wings(regions: RegionMap, wings: Mapping[str, Sequence[str]]) -> None:
+    """A map as ``print_map`` shows it, then the wings that its regions form, if they form more than one."""
+    print_map(regions)
+    if len(wings) > 1:
+        out = PipedConsole(highlight=False)
+        for name, inside in list(wings.items())[:MOST_ROWS]:
+            out.print(f"{name}: {', '.join(inside)}", markup=False, soft_wrap=True)
+        _print_rest(out, len(wings), "wings")
+
+
 def _print_regions(out: PipedConsole, regions: RegionMap) -> None:
     named = [region for region in regions.regions if region.kind != "pocket"]
     table = Table("region", "kind", title=f"{len(named)} regions", title_justify="left")

@@ -23,7 +23,7 @@ from qualrl.models.tabular_mdp import TabularMDP
 from qualrl.qualitative.graph import Graph, crossings_of, graph_of_mapping, graph_of_regions
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.place import Place, resolve_cell
-from qualrl.spatial.region_map import RegionMap
+from qualrl.spatial.region_map import CENTRE, RegionMap
 
 if TYPE_CHECKING:
     from qualrl.models.task_graph import TaskGraph
@@ -229,17 +229,19 @@ def hybrid_mdp(
 def landmarks_of_map(world: GridWorld, regions: RegionMap, goal_region: int | None) -> LandmarkLevel:
     """The landmarks of a map and the goal, which is one of its own; at no state while its region is not known (None).
 
-    Where two share a cell, the later of this order keeps it: corners and the like, doorways, the goal.
+    Where two share a cell, the later of this order keeps it: corners and the like, doorways, the goal.  Regions'
+    centres are left out: most ways through a region pass beside its centre, so it joins nothing.
     """
     landmark_of = np.full(len(world), -1, np.int32)
+    marks = [mark for mark in regions.landmarks if mark.kind != CENTRE]
     for doorways in (False, True):
-        for index, mark in enumerate(regions.landmarks):
+        for index, mark in enumerate(marks):
             if (mark.kind == "doorway") == doorways:
                 landmark_of[world.state_of[mark.cells[:, 0], mark.cells[:, 1]]] = index
     if goal_region is not None:
-        landmark_of[world.goal] = len(regions.landmarks)
-    names = [mark.name for mark in regions.landmarks] + [GOAL]
-    joined = [mark.regions for mark in regions.landmarks] + [() if goal_region is None else (goal_region,)]
+        landmark_of[world.goal] = len(marks)
+    names = [mark.name for mark in marks] + [GOAL]
+    joined = [mark.regions for mark in marks] + [() if goal_region is None else (goal_region,)]
     return landmark_level(names, landmark_of, joined)
 
 

@@ -18,6 +18,8 @@ from qualrl.qualitative.graph import SCHEMA, Graph
 from qualrl.spatial.naming import letters
 
 MOST_LEVELS = 4
+LEAST_WING = 3
+"""Regions of a wing, where so many hang together: a room with its side room is none."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,18 @@ def _joints(finer: LandmarkLevel, of: Sequence[int]) -> LandmarkLevel:
     )
 
 
+def wings_of(graph: Graph) -> dict[str, tuple[str, ...]]:
+    """The regions of each wing of a map's graph: wing A, wing B, ...; regions that nothing connects are no wings.
+
+    Wings are what the graph's doorways hold together: communities of greatest modularity, each connected.
+    """
+    nodes = list(graph.nodes)
+    grouping = _named("wing", graph, _communities(graph))
+    inside = {name: tuple(node for node, of in zip(nodes, grouping.of, strict=True) if grouping.names[of] == name)
+              for name in grouping.names}  # fmt: skip
+    return {name: regions for name, regions in inside.items() if name not in graph}
+
+
 def groupings(graph: Graph, levels: int) -> tuple[Grouping, ...]:
     """The groupings above the regions of a graph: none for levels=2, wings for 3, wings and floors for 4."""
     if levels not in range(2, MOST_LEVELS + 1):
@@ -141,12 +155,25 @@ def _communities(graph: Graph) -> list[set[int]]:
     found = list[set[int]]()
     for part in nx.connected_components(bonds):
         inside = nx.Graph(bonds.subgraph(sorted(part)))
-        if len(part) < 3:
+        if len(part) < LEAST_WING:
             found.append(set(part))
             continue
+        pieces = list[set[int]]()
         for community in nx.community.greedy_modularity_communities(inside, weight="weight"):
-            found += [set(piece) for piece in nx.connected_components(inside.subgraph(community))]
+            pieces += [set(piece) for piece in nx.connected_components(inside.subgraph(community))]
+        found += _without_suites(pieces, inside)
     return found
+
+
+def _without_suites(pieces: list[set[int]], bonds: "nx.Graph[int]") -> list[set[int]]:
+    """The parts of a connected graph with those of a room or two joined, smallest first, to what they are bound to."""
+    pieces = sorted(pieces, key=lambda piece: (len(piece), min(piece)))
+    while len(pieces) > 1 and len(pieces[0]) < LEAST_WING:
+        small = pieces.pop(0)
+        host = max(pieces, key=lambda piece: (nx.cut_size(bonds, small, piece, weight="weight"), -min(piece)))
+        host |= small
+        pieces.sort(key=lambda piece: (len(piece), min(piece)))
+    return pieces
 
 
 def _named(kind: str, graph: Graph, parts: list[set[int]]) -> Grouping:

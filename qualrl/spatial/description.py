@@ -7,10 +7,10 @@ that maps without units, whose cells count as a metre, have no halls for their s
 
 - pocket: nothing connects it to the rest of the map;
 - open area: openings, or unknown space, bound it rather than walls;
-- corridor: long for its width (along bends, branches, rings) and not compact; longer still if fewer than two ways
-  lead out of it, for a room with a niche is not one;
+- corridor: long for its width, along bends, branches and rings; longer still if fewer than two ways lead out of it,
+  for a room with a niche is not one;
 - closet: small, with one way out at most;
-- hall: large, or a hub (many ways out, compact, roomy);
+- hall: large, or a hub (many ways out, and roomy);
 - room: all else.
 """
 
@@ -29,8 +29,9 @@ from qualrl.spatial.region_map import Doorway, Region, Shape
 
 ELONGATED = 3.0
 """A corridor's area is at least this many squares of its width, twice as many if fewer than two ways lead out."""
-COMPACT = 0.6
-"""A region that fills this share of a rectangle, itself not elongated, is no corridor."""
+COMPACT, WINDING = 0.65, 1.75
+"""Unless its rectangle is elongated too, it fills at most this share of the rectangle, and its stretch times the share
+left empty is at least this."""
 CLOSET_M2 = 5.0
 """A closet has less area."""
 HALL_M2, HALL_TIMES = 60.0, 2.5
@@ -41,6 +42,8 @@ OPEN = 0.5
 """Openings are this share of an open area's border ..."""
 UNSEEN = 0.6
 """... or openings and unknown space this one,"""
+WALLS = 0.25
+"""A map with less wall than this for each metre of unknown border says nothing by what it does not show."""
 RECTANGULAR = 0.8
 """unless it fills this share of a rectangle: scans often leave out walls, but no open area is that straight."""
 
@@ -113,8 +116,7 @@ def _shapes(parts: Parts, doorways: Sequence[Doorway], occupied: Flags, resoluti
             ways[region, int(door.is_open)] += 1
             opening[region] += len(door.cells) * door.is_open
     border = np.maximum(walls + unknown + opening, 1)
-    # A map that shows hardly a wall says nothing by what it does not show.
-    says_walls = walls.sum() >= unknown.sum()
+    says_walls = walls[~parts.is_pocket].sum() >= WALLS * unknown[~parts.is_pocket].sum()
     shapes = []
     for region, (box, cells) in enumerate(zip(find_objects(parts.label + 1), parts.cells, strict=True)):
         longer, shorter = _sides(parts.label[box] == region, bool(parts.is_pocket[region]))
@@ -163,9 +165,9 @@ def _kind(area_m2: float, shape: Shape) -> str:
         return "open area"
     longer_m, shorter_m = shape.sides_m
     slender = longer_m >= ELONGATED * shorter_m
-    long = shape.stretch >= ELONGATED * (1 if slender or shape.degree >= 2 else 2)
-    # Clutter makes rooms look long: compact ones are rooms all the same.
-    if long and (slender or shape.fill <= COMPACT):
+    # Clutter makes rooms look long: those that fill a rectangle are rooms all the same.
+    winding = slender or (shape.fill <= COMPACT and shape.stretch * (1 - shape.fill) >= WINDING)
+    if winding and shape.stretch >= ELONGATED * (1 if slender or shape.degree >= 2 else 2):
         return "corridor"
     return "closet" if area_m2 < CLOSET_M2 and shape.degree == 1 else "room"
 

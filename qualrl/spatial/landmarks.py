@@ -1,4 +1,4 @@
-"""Landmarks: doorways, the corners of rooms and corridors, junctions and dead ends of corridors.
+"""Landmarks: doorways, the corners of rooms and corridors, junctions and dead ends of corridors, region centres.
 
 H, W: rows, columns.  Lengths are in cells unless their name says otherwise.
 """
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.labels import measured
 from qualrl.spatial.occupancy_grid import Cell
-from qualrl.spatial.region_map import Doorway, Landmark, Region
+from qualrl.spatial.region_map import CENTRE, Doorway, Landmark, Region
 
 ROUGHNESS_M = 0.2
 """Walls may leave their straight line by this much (and by one cell)."""
@@ -36,7 +36,7 @@ def find_landmarks(
     half_width: Floats,
     resolution_m: float,
 ) -> tuple[Landmark, ...]:
-    """All landmarks: doorways, corners, junctions, dead ends; each kind by region and position.
+    """All landmarks: doorways, corners, junctions, dead ends, centres; each kind by region and position.
 
     label (H, W); distance (H, W) to the nearest cell that is not free, 0 on those that are looked past;
     half_width by region.
@@ -44,7 +44,8 @@ def find_landmarks(
     marks = [Landmark(door.name, "doorway", _middle(door.cells), door.cells, door.pair) for door in doorways]
     corners = _corners(label, distance, half_width, resolution_m)
     junctions, dead_ends = _corridor_marks(label, regions, doorways, distance, half_width)
-    for kind, cells in (("corner", corners), ("junction", junctions), ("dead end", dead_ends)):
+    centres = [region.centre for region in regions if region.kind != "pocket"]
+    for kind, cells in (("corner", corners), ("junction", junctions), ("dead end", dead_ends), (CENTRE, centres)):
         for number, cell in enumerate(sorted(cells, key=lambda cell: (label[cell], cell)), start=1):
             place = np.array([cell], np.int32)
             place.setflags(write=False)

@@ -16,8 +16,9 @@ PLACED = "placed"
 
 
 def with_landmarks(regions: RegionMap, places: Mapping[str, Place]) -> RegionMap:
-    """The same map with landmarks at these places, name -> place, instead of its corners, junctions and dead ends.
+    """The same map with landmarks at these places, name -> place, instead of those that were found.
 
+    A region's name places one at its centre.
     Doorways stay.  A landmark placed in a doorway takes it over: the doorway gets its name, and it joins both
     regions; of two doorways that share the cell, the first.
     Raises UnknownNameError, PlaceError or ScenarioError, each beginning with the landmark it is about.

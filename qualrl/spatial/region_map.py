@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 from qualrl.errors import ScenarioError, UnknownNameError, did_you_mean
 from qualrl.spatial.occupancy_grid import Cell, OccupancyGrid
 
+CENTRE = "centre"
+"""The kind of landmark that a region's centre is."""
+
 
 @dataclass(frozen=True)
 class Shape:
@@ -98,11 +101,11 @@ def farthest_apart(cells: NDArray[np.int32]) -> tuple[Cell, Cell]:
 
 @dataclass(frozen=True, eq=False)
 class Landmark:
-    """A named cell: a doorway, a corner, a junction, a dead end, or placed by hand (paper, section 4.1.1)."""
+    """A named cell: a doorway, corner, junction, dead end, region centre, or placed by hand (paper, section 4.1.1)."""
 
     name: str
     kind: str
-    """"doorway", "corner", "junction", "dead end" or "placed"."""
+    """"doorway", "corner", "junction", "dead end", "centre" or "placed"."""
     cell: Cell
     """The cell that stands for it."""
     cells: NDArray[np.int32]
