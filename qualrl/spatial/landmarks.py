@@ -10,10 +10,9 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels import regions as kernels
-from qualrl.kernels.labels import measured
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.region_map import CENTRE, Doorway, Landmark, Region
+from qualrl.spatial.skeleton import pruned_skeleton
 
 ROUGHNESS_M = 0.2
 """Walls may leave their straight line by this much (and by one cell)."""
@@ -21,6 +20,8 @@ LEG_M = 0.6
 """Both walls of a corner are at least this long (and two cells)."""
 LEG_SHARE = 0.5
 """... and at least this share of their region's half-width."""
+CLEAR = 0.8
+"""Dead ends are at least this share of their corridor's half-width from its walls."""
 CORNER_RAD = (0.8, 2.2)
 """The walls of a corner meet at an angle in this range."""
 
@@ -121,60 +122,69 @@ def _spread(found: list[tuple[float, Cell]], least: float) -> list[Cell]:
 def _corridor_marks(
     label: Ints, regions: Sequence[Region], doorways: Sequence[Doorway], distance: Floats, half_width: Floats
 ) -> tuple[list[Cell], list[Cell]]:
-    """Junctions and dead ends of the corridors.
-
-    The steps from one far end cut a corridor into bands, each about as long as the corridor is wide.
-    Bands that touch three others are junctions; bands that touch one, and no doorway, are dead ends.
-    """
+    """Junctions and dead ends of the corridors: where lines of their skeletons meet, and end at no doorway."""
     is_corridor = np.array([region.kind == "corridor" for region in regions], np.bool_)
     inside = np.where((label >= 0) & (distance > 0) & is_corridor[label], label, -1).astype(np.int32)
     if (inside < 0).all():
         return [], []
-    somewhere = _deepest(inside, distance)
-    steps = kernels.steps_from(inside, _deepest(inside, kernels.steps_from(inside, somewhere)))
-    width = np.maximum(np.rint(2 * half_width), 1).astype(np.int32)
-    banded = np.where((inside >= 0) & (steps >= 0), inside + len(regions) * (steps // width[inside]), -1)
-    band, _ = kernels.pieces(banded.astype(np.int32))
-    middle = np.stack(np.divmod(_deepest(band, distance), label.shape[1]), axis=1)
-    near_door: set[int] = set()
-    for door in doorways:
-        near_door.update(_around(band, door.cells, int(width[list(door.pair)].max())).tolist())
+    width = 2 * half_width
+    shape = _without_holes(inside, width)
+    lines = pruned_skeleton(shape, distance)
     junctions: list[tuple[float, Cell]] = []
     dead_ends: list[Cell] = []
-    graph = _without_niches(_band_graph(band, inside))
-    for node, degree in graph.degree:
-        row, column = middle[node]
+    for node, degree in lines.degree:
+        cell = divmod(node, label.shape[1])
+        region = int(shape[cell])
         if degree > 2:
-            junctions.append((float(degree), (int(row), int(column))))
-        elif degree == 1 and node not in near_door:
-            dead_ends.append((int(row), int(column)))
+            junctions.append((float(distance[cell]), _free_beside(label == region, cell)))
+        elif degree <= 1 and not _has_doorway(doorways, region, cell, float(width[region])):
+            end = _clear_of_walls(lines, node, distance, float(half_width[region]))
+            dead_ends.append(_free_beside(label == region, end))
     return _spread(junctions, float(width[is_corridor].mean()) + 1.0), dead_ends
 
 
-def _deepest(label: Ints, depth: Floats | Ints) -> Ints:
-    """For each label in use, in order, the flat index of its cell of greatest depth."""
-    cell = measured(label, int(label.max()) + 1, depth.astype(np.float32))[2]
-    return cell[cell >= 0]
+def _without_holes(inside: Ints, width: Floats) -> Ints:
+    """The shapes (H, W) with what stands free in them, and is not as long as they are wide, filled: posts, bins."""
+    _, hole, stats, _ = cv2.connectedComponentsWithStats((inside < 0).astype(np.uint8), connectivity=8)
+    filled = inside.copy()
+    height, breadth = inside.shape
+    longer = np.maximum(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT])
+    for at in np.flatnonzero(longer < width.max()):
+        left, top, across, down, _ = stats[at]
+        if at == 0 or min(left, top) == 0 or left + across == breadth or top + down == height:
+            continue
+        box = np.s_[top - 1 : top + down + 1, left - 1 : left + across + 1]
+        mask = hole[box] == at
+        around = inside[box][(cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0) & ~mask]
+        if (around == around[0]).all() and longer[at] < width[around[0]]:
+            filled[box][mask] = around[0]
+    return filled
 
 
-def _around(band: Ints, cells: Ints, reach: int) -> Ints:
-    """The bands in the box around some cells, ``reach`` cells wider on each side."""
-    (top, left), (bottom, right) = np.maximum(cells.min(axis=0) - reach, 0), cells.max(axis=0) + reach + 1
-    found = np.unique(band[top:bottom, left:right])
-    return found[found >= 0]
+def _free_beside(inside: NDArray[np.bool_], cell: Cell) -> Cell:
+    """The cell itself, or the nearest one of its region if a thing stands there."""
+    if inside[cell]:
+        return cell
+    cells = np.argwhere(inside)
+    row, column = cells[np.argmin(((cells - cell) ** 2).sum(axis=1))]
+    return int(row), int(column)
 
 
-def _band_graph(band: Ints, inside: Ints) -> "nx.Graph[int]":
-    """Bands as nodes, joined where bands of the same corridor touch."""
-    ends = kernels.crossings(band)
-    ends = ends[inside.ravel()[ends[:, 0]] == inside.ravel()[ends[:, 1]]]
-    graph: nx.Graph[int] = nx.Graph()
-    graph.add_edges_from(np.unique(np.sort(band.ravel()[ends], axis=1), axis=0).tolist())
-    return graph
+def _clear_of_walls(lines: "nx.Graph[int]", tip: int, distance: Floats, half_width: float) -> Cell:
+    """The first cell of a line, from its tip on, that lies well inside its corridor: tips lie in corners."""
+    width, seen, here = distance.shape[1], {tip}, tip
+    while distance[divmod(here, width)] < CLEAR * half_width and len(seen) <= 2 * half_width:
+        following = [node for node in lines[here] if node not in seen]
+        if len(following) != 1:
+            break
+        (here,) = following
+        seen.add(here)
+    return here // width, here % width
 
 
-def _without_niches(graph: "nx.Graph[int]") -> "nx.Graph[int]":
-    """The graph without arms of a single band: niches, and what the bands' slant makes of corners."""
-    arms = [node for node, degree in graph.degree if degree == 1]
-    graph.remove_nodes_from([node for node in arms if graph.degree[next(iter(graph[node]))] > 2])
-    return graph
+def _has_doorway(doorways: Sequence[Doorway], region: int, cell: Cell, reach: float) -> bool:
+    """Whether a doorway of the region is within reach of a cell."""
+    return any(
+        region in door.pair and bool((np.abs(door.cells - cell).max(axis=1) <= max(reach, 1.0)).any())
+        for door in doorways
+    )
