@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from qualrl.models.hybrid_mdp import hybrid_mdp
 from qualrl.spatial.occupancy_grid import OccupancyGrid
+from qualrl.spatial.place import PlaceCell
 from qualrl.spatial.region_map import RegionMap
 from qualrl.spatial.segmentation import segment
 
@@ -40,6 +42,42 @@ def test_puzzle_has_the_ten_landmarks_of_its_corridors() -> None:
     assert cells(seen, "doorway") == [(2, 6), (8, 6)]
     assert cells(seen, "junction") == []
     assert cells(seen, "dead end") == []
+    model = hybrid_mdp(seen, PlaceCell(6, 6))
+    level = model.landmarks
+    places = {model.cell_of(int(np.flatnonzero(level.landmark_of == at)[0])) for at in range(len(level.names))}
+    assert corners | {(2, 6), (8, 6)} <= places
+
+
+def test_each_region_has_its_centre_as_a_landmark_which_the_model_leaves_out() -> None:
+    free = np.zeros((60, 100), np.bool_)
+    free[1:59, 1:50] = free[1:59, 52:99] = free[25:35, 50:52] = free[0, 0] = True
+    seen = segment(OccupancyGrid.from_free(free, 0.1))
+    assert [region.kind for region in seen.regions] == ["room", "room", "pocket"]
+    centres = [mark for mark in seen.landmarks if mark.kind == "centre"]
+    assert [(mark.name, mark.cell, mark.regions) for mark in centres] == [
+        ("centre 1", seen.regions[0].centre, (0,)),
+        ("centre 2", seen.regions[1].centre, (1,)),
+    ]
+    names = hybrid_mdp(seen, PlaceCell(30, 5)).landmarks.names
+    assert {mark.name for mark in seen.landmarks} - set(names) == {"centre 1", "centre 2"}
+
+
+def test_a_post_in_a_corridor_makes_no_junction_and_a_side_corridor_does() -> None:
+    free = np.zeros((200, 400), np.bool_)
+    free[20:60, 10:390] = free[60:190, 300:340] = True
+    free[38:43, 150:155] = False
+    (row, column), *others = cells(segment(OccupancyGrid.from_free(free, 0.05)), "junction")
+    assert others == []
+    assert 35 <= row < 65
+    assert 310 <= column < 330
+
+
+def test_a_bend_is_no_junction() -> None:
+    free = np.zeros((320, 420), np.bool_)
+    free[10:40, 10:410] = free[10:310, 380:410] = True
+    seen = segment(OccupancyGrid.from_free(free, 0.05))
+    assert cells(seen, "junction") == []
+    assert len(cells(seen, "dead end")) == 2
 
 
 def test_a_room_has_four_corners() -> None:

@@ -16,7 +16,7 @@ from qualrl.errors import MapError, SettingError, UnknownNameError
 from qualrl.io.graph_file import write_graph_json
 from qualrl.io.model_file import fingerprint, read_arrays, read_model, write_arrays, write_model
 from qualrl.models.hybrid_mdp import HybridMDP
-from qualrl.models.levels import Grouping
+from qualrl.models.levels import Grouping, wings_of
 from qualrl.solving.fold import fold
 from qualrl.solving.theorem1 import audit_theorem1
 from tests.small_worlds import tables
@@ -165,3 +165,39 @@ def test_any_grouping_of_a_table_folds_to_the_same_flat_chain(model, seed):
     grouped = model.grouped({name: f"group {rng.integers(0, 2)}" for name in model.region_names})
     assert_is_a_hierarchy(grouped)
     assert audit_theorem1(grouped, 3).refined.holds
+
+
+def buildings(*rooms):
+    """A graph of buildings, each a corridor with so many rooms; a further corridor joins each to the next."""
+    graph = nx.MultiDiGraph()
+    for number, count in enumerate(rooms):
+        for room in range(count):
+            graph.add_edge(f"aisle {number}", f"room {number}.{room}", width_m=0.9)
+        if number:
+            graph.add_edge(f"aisle {number - 1}", f"bridge {number}", width_m=0.9)
+            graph.add_edge(f"bridge {number}", f"aisle {number}", width_m=0.9)
+    return graph
+
+
+@given(st.lists(st.integers(4, 8), min_size=2, max_size=2))
+def test_two_buildings_joined_by_a_corridor_are_two_wings(rooms):
+    wings = wings_of(buildings(*rooms))
+    assert list(wings) == ["wing A", "wing B"]
+    of = {region: name for name, inside in wings.items() for region in inside}
+    assert all(of[f"room {n}.{room}"] == of[f"aisle {n}"] for n, count in enumerate(rooms) for room in range(count))
+    assert of["aisle 0"] != of["aisle 1"]
+
+
+@settings(max_examples=60)
+@given(st.integers(1, 20), st.lists(st.tuples(st.integers(0, 19), st.integers(0, 19)), max_size=40))
+def test_wings_are_connected_parts_of_three_regions_where_so_many_hang_together(count, edges):
+    graph = nx.MultiDiGraph()
+    graph.add_nodes_from(f"room {number}" for number in range(count))
+    graph.add_edges_from((f"room {a % count}", f"room {b % count}") for a, b in edges if a % count != b % count)
+    wings = wings_of(graph)
+    assert sorted(region for inside in wings.values() for region in inside) == sorted(graph)
+    plain = nx.Graph(graph)
+    for inside in wings.values():
+        assert nx.is_connected(plain.subgraph(inside))
+        assert len(inside) >= min(3, len(nx.node_connected_component(plain, inside[0])))
+    assert wings_of(graph.copy()) == wings

@@ -1,0 +1,67 @@
+"""The skeleton: as connected as its shape, thin, on the middle line, and without spurs."""
+
+import networkx as nx
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.ndimage import binary_fill_holes, distance_transform_edt, label
+
+from qualrl.kernels.thinning import thin
+from qualrl.spatial.skeleton import pruned_skeleton
+
+SHAPES = arrays(np.bool_, st.tuples(st.integers(1, 12), st.integers(1, 12)))
+CORNERS_TOO = np.ones((3, 3))
+
+
+def counts(shape: np.ndarray) -> tuple[int, int]:
+    """Pieces of a shape (by sides), and of what surrounds it (by corners)."""
+    return label(shape)[1], label(~np.pad(shape, 1), CORNERS_TOO)[1]
+
+
+def order_of(shape: np.ndarray) -> np.ndarray:
+    """Cells from the edge inwards."""
+    depth = distance_transform_edt(np.pad(shape, 1))[1:-1, 1:-1]
+    cells = np.flatnonzero(shape)
+    return cells[np.argsort(depth.ravel()[cells], kind="stable")].astype(np.int32)
+
+
+@settings(deadline=None, max_examples=150)
+@given(SHAPES)
+def test_thinning_keeps_pieces_and_holes_and_takes_all_it_may(shape: np.ndarray) -> None:
+    line = thin(np.where(shape, 0, -1).astype(np.int32), order_of(shape))
+    assert not (line & ~shape).any()
+    assert counts(line) == counts(shape)
+    for row, column in np.argwhere(line):
+        without = line.copy()
+        without[row, column] = False
+        wide = np.pad(line, 1)
+        beside = wide[row, column + 1], wide[row + 2, column + 1], wide[row + 1, column], wide[row + 1, column + 2]
+        # What is left is an end, or holds the line (or a hole) together.
+        assert sum(beside) <= 1 or counts(without) != counts(line)
+
+
+def test_shapes_beside_each_other_are_thinned_each_by_itself() -> None:
+    shapes = np.zeros((9, 20), np.int32)
+    shapes[:, 10:] = 1
+    order = np.concatenate([order_of(shapes == 0), order_of(shapes == 1)])
+    line = thin(shapes, order)
+    assert line[:, :10].any()
+    assert line[:, 10:].any()
+
+
+def test_a_cross_of_ragged_corridors_has_one_joint_and_four_ends() -> None:
+    generator = np.random.default_rng(5)
+    free = np.zeros((200, 200), np.bool_)
+    for at in range(200):
+        free[90 - generator.integers(0, 4) : 111 + generator.integers(0, 4), at] = True
+        free[at, 90 - generator.integers(0, 4) : 111 + generator.integers(0, 4)] = True
+    free[[0, -1]] = free[:, [0, -1]] = False
+    free = binary_fill_holes(free)
+    distance = distance_transform_edt(free).astype(np.float32)
+    lines = pruned_skeleton(np.where(free, 0, -1).astype(np.int32), distance)
+    assert nx.is_connected(lines)
+    joints = [divmod(node, 200) for node, degree in lines.degree if degree > 2]
+    assert joints
+    assert all(abs(row - 100) < 12 and abs(column - 100) < 12 for row, column in joints)
+    assert sum(degree == 1 for _, degree in lines.degree) == 4
