@@ -54,7 +54,7 @@ def true_doorways(label: Labels, resolution_m: float) -> Points:
             cells[row, column] = cells[row + down, column + right] = True
     middles = []
     for cells in rows.values():
-        contact, count = ndimage.label(cells, np.ones((3, 3)))
+        contact, _ = ndimage.label(cells, np.ones((3, 3)))
         for box in ndimage.find_objects(contact):
             if max(side.stop - side.start for side in box) * resolution_m >= LEAST_M:
                 middles.append([(side.start + side.stop - 1) / 2 for side in box])
