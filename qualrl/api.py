@@ -54,7 +54,7 @@ def build(
 
     A region's name means its centre.  start=None lets every episode start at random.  names renames regions,
     doorways and landmarks first, so goal and start use the new names.  landmarks, name -> place, take the stead of
-    the corners, junctions and dead ends that were found; one placed in a doorway takes the doorway over.
+    all that were found but doorways; one placed in a doorway takes the doorway over.
     levels counts the metric level as the first: 2 = grid and regions, 3 = and wings, which are groups of regions, 4 =
     and floors, the parts of the map that nothing connects.
     Raises UnknownNameError, PlaceError, ScenarioError or SettingError.

@@ -134,11 +134,16 @@ def test_show_tells_the_same_of_map_and_scenario(here):
     assert door["midpoint"] in door["cells"]
     assert door["ends"][0] in door["cells"]
     x_m, y_m = door["midpoint_m"]
+    assert [region["shape"]["degree"] for region in of_map["regions"]] == [1, 1]
+    assert of_scenario["wings"] == {"wing A": ["kitchen", "room B"]}
     text, _ = qualrl("show", "rooms.yaml", cwd=here)
     assert f"{x_m:.2f},{y_m:.2f}" in text
     assert "room A" in text
     assert "19 x 9 cells" in text
+    assert "8 corner, 2 centre" in text
     assert "\x1b" not in text
+    wings = [line for line in qualrl("show", "office", cwd=here)[0].splitlines() if line.startswith("wing ")]
+    assert wings[1] == "wing B: room G, room I, corridor 2"
 
 
 def test_learn_then_plan_from_its_folder(here):

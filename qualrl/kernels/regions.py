@@ -334,31 +334,6 @@ def _enqueue(cell: int, level: int, head: Ints, tail: Ints, following: Ints) -> 
 
 
 @compiled
-def steps_from(label: Ints, start: Ints) -> Ints:
-    """(H, W) steps from the start cells (flat indices) without leaving their label; -1 where none leads."""
-    height, width = label.shape
-    flat = label.ravel()
-    steps = np.full(flat.size, -1, np.int32)
-    queue = np.empty(flat.size, np.int32)
-    count = 0
-    for cell in start:
-        steps[cell] = 0
-        queue[count] = cell
-        count += 1
-    done = 0
-    while done < count:
-        cell = queue[done]
-        done += 1
-        for side in range(4):
-            other = _beside(cell, side, height, width)
-            if other >= 0 and steps[other] < 0 and flat[other] == flat[cell]:
-                steps[other] = steps[cell] + 1
-                queue[count] = other
-                count += 1
-    return steps.reshape(height, width)
-
-
-@compiled
 def free_runs(free: Flags) -> tuple[Ints, Ints]:
     """(H, W) cells of the free run through each cell along its row, and along its column; 0 where not free."""
     height, width = free.shape
