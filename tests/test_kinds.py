@@ -83,17 +83,25 @@ def test_a_roomy_place_with_five_doors_is_a_hall_and_with_two_a_room() -> None:
 
 
 def test_a_place_without_walls_is_open() -> None:
-    free = plan((60, 20, 40, 60), (78, 80, 9, 4))
+    free = plan((4, 4, 160, 76), (78, 80, 9, 4))
     row, column = np.mgrid[:170, :260]
     free |= (row - 82) ** 2 + (column - 130) ** 2 < 48**2
     free[:, 80:84] &= plan((78, 80, 9, 4))[:, 80:84]
     occupied = np.zeros_like(free)
-    occupied[56:104, 16:84] = ~free[56:104, 16:84]
+    occupied[:168, :84] = ~free[:168, :84]
     known = segment(OccupancyGrid(free, occupied, 0.1))
     walled = segment(OccupancyGrid.from_free(free, 0.1))
     assert region_at(known, (82, 130)).name == "open area 1"
     assert region_at(known, (82, 40)).kind == "room"
     assert region_at(walled, (82, 130)).kind != "open area"
+
+
+def test_a_map_that_shows_no_walls_has_no_open_areas_for_that() -> None:
+    free = block_of_rooms((80, 130))
+    generator = np.random.default_rng(2)
+    specks = ~free & (generator.random(free.shape) < 0.02)
+    seen = segment(OccupancyGrid(free, specks, 0.1))
+    assert {region.kind for region in seen.regions} == {"room", "corridor", "hall"}
 
 
 def test_maps_without_units_have_no_halls_for_their_size() -> None:

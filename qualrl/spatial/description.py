@@ -42,10 +42,10 @@ OPEN = 0.5
 """Openings are this share of an open area's border ..."""
 UNSEEN = 0.6
 """... or openings and unknown space this one,"""
-WALLS = 0.25
-"""A map with less wall than this for each metre of unknown border says nothing by what it does not show."""
 RECTANGULAR = 0.8
 """unless it fills this share of a rectangle: scans often leave out walls, but no open area is that straight."""
+WALLED = 0.6
+"""Unknown space counts where regions with more wall than that around them hold this share of the free space."""
 
 Flags = NDArray[np.bool_]
 Labels = NDArray[np.int32]
@@ -116,7 +116,9 @@ def _shapes(parts: Parts, doorways: Sequence[Doorway], occupied: Flags, resoluti
             ways[region, int(door.is_open)] += 1
             opening[region] += len(door.cells) * door.is_open
     border = np.maximum(walls + unknown + opening, 1)
-    says_walls = walls[~parts.is_pocket].sum() >= WALLS * unknown[~parts.is_pocket].sum()
+    # A map that shows hardly any walls says nothing by where they lack.
+    linked = np.where(parts.is_pocket, 0, parts.cells)
+    says_walls = linked[walls >= unknown].sum() >= WALLED * linked.sum()
     shapes = []
     for region, (box, cells) in enumerate(zip(find_objects(parts.label + 1), parts.cells, strict=True)):
         longer, shorter = _sides(parts.label[box] == region, bool(parts.is_pocket[region]))
