@@ -13,6 +13,7 @@ from hypothesis.extra.numpy import arrays
 from qualrl.errors import SettingError
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.thickness import disc_centres, local_thickness
+from qualrl.spatial.distance import distance_within
 from qualrl.spatial.doorways import find_doorways
 from qualrl.spatial.naming import letters, reading_order
 from qualrl.spatial.occupancy_grid import OccupancyGrid
@@ -337,3 +338,17 @@ def test_letters_go_on_after_z() -> None:
 
 def test_places_are_read_line_by_line() -> None:
     assert reading_order([(10.0, 9.0), (11.0, 2.0), (30.0, 1.0), (9.5, 5.0)], line=3.0) == [1, 3, 0, 2]
+
+
+def test_distances_do_not_depend_on_where_an_image_lies_in_memory() -> None:
+    free = np.pad(np.ones((16, 16), np.bool_), 1)
+    free[4, 7] = free[9, 3] = False
+    once = distance_within(free)
+    held = []
+    for size in range(1, 400):
+        held.append(bytearray(size))
+        np.testing.assert_array_equal(distance_within(free.copy()), once)
+    rows, columns = np.nonzero(~free)
+    at = np.argwhere(free)
+    nearest = ((at[:, :1] - rows) ** 2 + (at[:, 1:] - columns) ** 2).min(axis=1)
+    np.testing.assert_array_equal(once[free], np.sqrt(nearest.astype(np.float32)))

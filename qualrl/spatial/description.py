@@ -24,6 +24,7 @@ from scipy.ndimage import find_objects
 
 from qualrl.kernels import labels
 from qualrl.kernels import regions as kernels
+from qualrl.spatial.distance import distance_within
 from qualrl.spatial.naming import name_regions, ordered
 from qualrl.spatial.region_map import Doorway, Region, Shape
 
@@ -80,8 +81,7 @@ def measure(label: Labels, apart: Flags, thickness: Floats) -> Parts:
     number = np.where(free, (np.cumsum(used) - 1)[label], -1).astype(np.int32)
     border = np.zeros(number.size, np.bool_)
     border[kernels.crossings(number)] = True
-    within = np.pad(free & ~border.reshape(number.shape), 1).astype(np.uint8)
-    depth = np.asarray(cv2.distanceTransform(within, cv2.DIST_L2, cv2.DIST_MASK_PRECISE), np.float32)[1:-1, 1:-1]
+    depth = distance_within(np.pad(free & ~border.reshape(number.shape), 1))[1:-1, 1:-1]
     cells, sums, centre = labels.measured(number, int(used.sum()), depth)
     half_width = np.bincount(number[free], np.maximum(thickness, 0.5)[free]) / cells
     return Parts(number, cells, sums / cells[:, None], centre, half_width.astype(np.float32), apart.ravel()[centre])

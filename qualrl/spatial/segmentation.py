@@ -19,6 +19,7 @@ from qualrl.errors import SettingError
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.thickness import disc_centres, local_thickness
 from qualrl.spatial.description import describe, measure
+from qualrl.spatial.distance import distance_within
 from qualrl.spatial.doorways import find_doorways, renumbered
 from qualrl.spatial.landmarks import find_landmarks
 from qualrl.spatial.occupancy_grid import OccupancyGrid
@@ -110,7 +111,7 @@ def _check(**settings: tuple[float, float]) -> None:
 
 def _look(free: Flags, cell_m: float, furniture_m: float) -> _View:
     """The view of free cells (H, W)."""
-    zoom = 2 if np.median(_distance(np.pad(free, 1))[1:-1, 1:-1][free]) < COARSE_CELLS else 1
+    zoom = 2 if np.median(distance_within(np.pad(free, 1))[1:-1, 1:-1][free]) < COARSE_CELLS else 1
     larger, gap = (np.pad(flags.repeat(zoom, 0).repeat(zoom, 1), 1) for flags in (free, _gaps(free)))
     thing = _furniture(larger, cell_m / zoom, zoom, furniture_m)
     clear = larger | (thing >= 0)
@@ -119,17 +120,12 @@ def _look(free: Flags, cell_m: float, furniture_m: float) -> _View:
         disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
         opened = cv2.morphologyEx(clear.astype(np.uint8), cv2.MORPH_OPEN, disc) > 0
         clear = opened if opened.any() else clear
-    distance = _distance(clear)
+    distance = distance_within(clear)
     centres = disc_centres(distance)
     largest_first = centres[np.argsort(-distance.ravel()[centres], kind="stable")]
     thickness = local_thickness(distance, largest_first)
     distance[gap & clear] = thickness[gap & clear] = GAP_DISTANCE
     return _View(distance, thickness, thing, zoom)
-
-
-def _distance(free: Flags) -> Floats:
-    """From each cell to the nearest one that is not free, in cells."""
-    return np.asarray(cv2.distanceTransform(free.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE), np.float32)
 
 
 def _gaps(free: Flags) -> Flags:
@@ -189,7 +185,7 @@ def _straightened(region: Labels, view: _View) -> Labels:
     border[kernels.crossings(region)] = True
     if not border.any():
         return region
-    from_border = _distance(~border.reshape(region.shape))
+    from_border = distance_within(~border.reshape(region.shape))
     core = np.where(from_border > 0.5 * view.thickness, region, -1).astype(np.int32)
     has_core = np.zeros(int(region.max()) + 1, np.bool_)
     has_core[core[core >= 0]] = True
