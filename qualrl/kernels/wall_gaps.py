@@ -1,0 +1,95 @@
+"""Gaps between walls that lie in one line, and runs of walls between places.
+
+H, W: rows, columns.  G: gaps.  All lengths are in cells.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.kernels.jit import compiled
+
+Flags = NDArray[np.bool_]
+Ints = NDArray[np.int32]
+
+
+@compiled
+def gaps(wall: Flags, free: Flags, bridge: int, least: int, most: int) -> Ints:
+    """(G, 5) row, first column, last column of each gap between two walls of a row, and the lengths of the two.
+
+    A wall is a run of cells, at least ``least`` long, with holes of at most ``bridge`` cells that make up no more
+    than half of it.  Shorter runs are passed over.  A gap has at most ``most`` cells, one or more of them free.
+    """
+    height, width = wall.shape
+    count = 0
+    for fill in range(2):
+        found = np.empty((count * fill, 5), np.int32)
+        count = 0
+        for row in range(height):
+            before_end, before_length = -1, 0
+            column = 0
+            while column < width:
+                if not wall[row, column]:
+                    column += 1
+                    continue
+                start, end, solid = column, column, 0
+                while column < width and column - end <= bridge:
+                    if wall[row, column]:
+                        end = column
+                        solid += 1
+                    column += 1
+                column = end + 1
+                length = end - start + 1
+                if length < least or 2 * solid < length:
+                    continue
+                if before_length and 0 < start - before_end - 1 <= most and free[row, before_end + 1 : start].any():
+                    if fill:
+                        found[count, 0] = row
+                        found[count, 1], found[count, 2] = before_end + 1, start - 1
+                        found[count, 3], found[count, 4] = before_length, length
+                    count += 1
+                before_end, before_length = end, length
+    return found
+
+
+@compiled
+def apart(found: Ints, order: Ints, height: int, width: int, rows: int, slack: int) -> Flags:
+    """(G,) which gaps stay when of those that lie side by side only the first in order does.
+
+    Side by side: within so many rows, and less than ``slack`` columns from overlapping.
+    """
+    taken = np.zeros((height, width), np.bool_)
+    stays = np.zeros(len(found), np.bool_)
+    for gap in order:
+        row, first, last = found[gap, 0], found[gap, 1], found[gap, 2]
+        top, bottom = max(row - rows, 0), min(row + rows + 1, height)
+        if not taken[top:bottom, max(first - slack, 0) : last + slack + 1].any():
+            taken[row, first : last + 1] = True
+            stays[gap] = True
+    return stays
+
+
+@compiled
+def walls_between(zone: Ints, most: int) -> tuple[Ints, Ints]:
+    """(N, 2) the zones on the two sides of each wall, looked at along every row and column; (N,) 0 along rows, 1 columns.
+
+    zone (H, W), -1 where no zone is; a wall is a run of such cells, at most ``most``.
+    """
+    height, width = zone.shape
+    count = 0
+    for fill in range(2):
+        pair, axis = np.empty((count * fill, 2), np.int32), np.empty(count * fill, np.int32)
+        count = 0
+        for along in range(2):
+            lines, length = (height, width) if along == 0 else (width, height)
+            for line in range(lines):
+                last, before = -1, -1
+                for at in range(length):
+                    here = zone[line, at] if along == 0 else zone[at, line]
+                    if here < 0:
+                        continue
+                    if last >= 0 and 0 < at - last - 1 <= most and before != here:
+                        if fill:
+                            pair[count, 0], pair[count, 1], axis[count] = before, here, along
+                        count += 1
+                    last, before = at, here
+    return pair, axis

@@ -1,0 +1,54 @@
+"""Places by rule: zones of alike thickness are grown from thick to thin, those that are no places of their own are
+joined, and borders settle where free space is narrowest.
+
+For maps without walls to find lines in: mazes and grids of rooms, drawn with cells as large as doors.
+
+h, w: rows, columns of the view.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.kernels import regions as kernels
+from qualrl.spatial.distance import distance_within
+from qualrl.spatial.view import View, flat_zones
+
+STEP, SLENDER, LONG, ROOMY = 0.6, 9.0, 5.0, 6.0
+"""See ``kernels.regions.Rules``."""
+
+Labels = NDArray[np.int32]
+
+
+def joined_regions(view: View, min_area: float, pinch: float) -> Labels:
+    """(h, w) region of each cell of the view, -1 where it is not free; min_area in its cells."""
+    thickness, distance = view.thickness, view.distance
+    zone, count = flat_zones(thickness, distance, pinch, STEP)
+    inside = zone[zone >= 0]
+    area = np.bincount(inside, minlength=count).astype(np.float32)
+    breadth = (np.bincount(inside, thickness[zone >= 0], count) / np.maximum(area, 1)).astype(np.float32)
+    ends = kernels.crossings(zone)
+    pair = np.sort(zone.ravel()[ends], axis=1).astype(np.int64)
+    key, contact, length = np.unique(pair[:, 0] * count + pair[:, 1], return_inverse=True, return_counts=True)
+    way = np.zeros(key.size, np.float32)
+    np.maximum.at(way, contact, distance.ravel()[ends].min(axis=1))
+    touching = np.stack(np.divmod(key, max(count, 1)), axis=1).astype(np.int32)
+    links = kernels.linked(count, kernels.Contacts(touching, length.astype(np.float32), way))
+    rules = kernels.Rules(pinch, STEP, SLENDER, LONG, ROOMY, float(min_area))
+    place = np.arange(count, dtype=np.int32)
+    while kernels.join_zones(np.argsort(area, kind="stable"), place, area, breadth, links, rules):
+        pass
+    return _straightened(np.where(zone >= 0, place[zone], -1).astype(np.int32), view)
+
+
+def _straightened(region: Labels, view: View) -> Labels:
+    """The regions with their borders moved to where free space is narrowest nearby."""
+    border = np.zeros(region.size, np.bool_)
+    border[kernels.crossings(region)] = True
+    if not border.any():
+        return region
+    from_border = distance_within(~border.reshape(region.shape))
+    core = np.where(from_border > 0.5 * view.thickness, region, -1).astype(np.int32)
+    has_core = np.zeros(int(region.max()) + 1, np.bool_)
+    has_core[core[core >= 0]] = True
+    core = np.where((region >= 0) & ~has_core[region], region, core).astype(np.int32)
+    return kernels.flood(core, region >= 0, (view.distance * 8).astype(np.int32))

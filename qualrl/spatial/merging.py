@@ -1,0 +1,157 @@
+"""Places by what was learned: zones of a map with walls are merged as trained trees tell.
+
+The trees were trained on floor plans that this project generates itself (``qualrl.training``), on no map of
+anybody's building.  Lines across the gaps of walls cut the free space into many small zones; pairs of places are then
+merged, the likeliest to be one first, and each merged place is looked at anew.
+
+h, w: rows, columns of the view.  Z: zones.
+"""
+
+from functools import cache
+from importlib.resources import files
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.kernels import merging as kernels
+from qualrl.kernels import regions as zone_kernels
+from qualrl.kernels import wall_gaps, zone_graph
+from qualrl.kernels.labels import borders
+from qualrl.spatial.distance import distance_within
+from qualrl.spatial.view import View, flat_zones, local_thickness_of
+from qualrl.spatial.wall_lines import WallLines, find_wall_lines
+
+PINCH, STEP = 0.85, 0.8
+"""See ``kernels.regions.flat_zones``."""
+LEAST_ZONE_M2 = 0.15
+"""Smaller zones go to those beside them."""
+LEAST_ODDS = -0.3
+"""Pairs are merged from these odds on (their logarithm)."""
+WALL_M = 0.5
+"""Walls are at most so thick."""
+MOST_SUPPORT_M = 5.0
+"""A longer wall beside a gap says no more."""
+DIRECTIONS = 32
+"""In which the reach of places is measured."""
+NO_SAMPLES = kernels.Samples(np.zeros(0, np.int32), np.zeros((0, 0)), np.zeros(1, np.int64))
+
+Flags = NDArray[np.bool_]
+Labels = NDArray[np.int32]
+Floats = NDArray[np.float64]
+
+
+class ZoneGraph(NamedTuple):
+    """The zones of a view and what is known of them."""
+
+    zone: Labels
+    """(h, w) zone of each cell, -1 where not free."""
+    places: kernels.Places
+    bonds: kernels.Bonds
+    about: Floats
+    """(3,) features of the whole map."""
+
+
+def merged_regions(view: View, occupied: Flags, min_area_m2: float) -> Labels:
+    """(h, w) region of each cell of the view, -1 where it is not free; occupied (h, w)."""
+    graph = zone_graph_of(view, occupied)
+    kernels.merge(graph.places, graph.bonds, trees(), graph.about, LEAST_ODDS, min_area_m2, NO_SAMPLES)
+    return np.where(graph.zone >= 0, graph.places.parent[graph.zone], -1).astype(np.int32)
+
+
+@cache
+def trees() -> kernels.Trees:
+    """The trained trees."""
+    with np.load(str(files("qualrl.spatial").joinpath("merging.npz")), allow_pickle=False) as stored:
+        return unpacked({name: stored[name] for name in stored.files})
+
+
+def unpacked(stored: dict[str, NDArray[np.generic]]) -> kernels.Trees:
+    """Trees from their arrays as they are stored."""
+    whole = {name: np.asarray(stored[name], np.int32) for name in ("root", "feature", "left", "right")}
+    parts = {name: np.asarray(stored[name], np.float32) for name in ("threshold", "leaf")}
+    return kernels.Trees(
+        whole["root"], whole["feature"], parts["threshold"], whole["left"], whole["right"], parts["leaf"],
+        float(stored["start"]),
+    )  # fmt: skip
+
+
+def zone_graph_of(view: View, occupied: Flags) -> ZoneGraph:
+    """The zones of a view, unmerged."""
+    clear = view.distance > 0
+    lines = find_wall_lines(occupied, clear, view.cell_m)
+    zone = _zones(view, clear & (lines.line < 0))
+    count = int(zone.max()) + 1
+    ends = zone_kernels.crossings(zone)
+    places = _places(zone, count, view, occupied, lines)
+    np.add.at(places.sums[:, kernels.TOUCHING], zone.ravel()[ends].ravel(), view.cell_m)
+    bonds = _bonds(zone, count, ends, view, lines)
+    walls, unknown, area = (places.sums[:, column].sum() for column in (kernels.WALLS, kernels.UNKNOWN, kernels.AREA))
+    breadth = places.sums[:, kernels.THICK].sum() / max(area, 1e-6)
+    about = np.array([unknown / max(walls + unknown, 1e-6), np.log(max(count, 1) / max(area, 1e-2)), breadth])
+    return ZoneGraph(zone, places, bonds, about)
+
+
+def _zones(view: View, cut: Flags) -> Labels:
+    """(h, w) zones of alike thickness of the free space as the lines cut it (h, w), numbered from 0."""
+    distance = distance_within(cut)
+    zone, count = flat_zones(local_thickness_of(distance), distance, PINCH, STEP)
+    large = np.bincount(zone[zone >= 0], minlength=count) >= LEAST_ZONE_M2 / view.cell_m**2
+    kept = np.where(np.append(large, False)[zone], zone, -1).astype(np.int32)
+    clear = view.distance > 0
+    grown = zone_kernels.flood(kept, clear, (view.distance * 8).astype(np.int32))
+    rest, _ = zone_kernels.pieces(np.where(clear & (grown < 0), 0, -1).astype(np.int32))
+    both = np.where(rest >= 0, rest + count, grown)
+    used = np.zeros(int(both.max()) + 1, np.bool_)
+    used[both[clear]] = True
+    return np.where(clear, (np.cumsum(used) - 1)[both], -1).astype(np.int32)
+
+
+def _places(zone: Labels, count: int, view: View, occupied: Flags, lines: WallLines) -> kernels.Places:
+    """The zones as places, each by itself; ``TOUCHING`` is left 0."""
+    inside = zone >= 0
+    owner, thickness, cell_m = zone[inside], view.thickness[inside] * view.cell_m, view.cell_m
+    area = np.bincount(owner, minlength=count) * cell_m**2
+    thick = np.bincount(owner, np.maximum(thickness, 0.5 * cell_m), count) * cell_m**2
+    peak = np.zeros(count)
+    np.maximum.at(peak, owner, thickness)
+    border = borders(zone, occupied, count) * cell_m
+    angles = np.radians(lines.turn_deg) + 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    reach = zone_graph.reaches(zone, count, np.stack([np.sin(angles), np.cos(angles)], axis=1)) * cell_m
+    sums = np.stack([area, thick, border[:, 0], border[:, 1], np.zeros(count)], axis=1)
+    return kernels.Places(np.arange(count, dtype=np.int32), sums, peak, reach)
+
+
+def _bonds(zone: Labels, count: int, ends: Labels, view: View, lines: WallLines) -> kernels.Bonds:
+    """Where zones touch (ends (N, 2): the steps that cross) or have a wall between them."""
+    at = zone_graph.line_at_steps(ends, lines.line, lines.support_m)
+    is_lined = at >= 0
+    support_m = np.where(is_lined, np.append(np.minimum(lines.support_m, MOST_SUPPORT_M), 0.0)[at], 0.0)
+    gap_m = np.where(is_lined, np.append(lines.gap_m, 0.0)[at], 0.0)
+    touching = zone.ravel()[ends]
+    is_row = ends[:, 1] - ends[:, 0] == 1
+    facing, axis = wall_gaps.walls_between(zone, max(round(WALL_M / view.cell_m), 2))
+    pair = np.sort(np.concatenate([touching, facing]), axis=1).astype(np.int64)
+    key, contact = np.unique(pair[:, 0] * count + pair[:, 1], return_inverse=True)
+    here, there = contact[: len(touching)], contact[len(touching) :]
+    way = np.zeros(key.size)
+    np.maximum.at(way, here, view.distance.ravel()[ends].min(axis=1))
+    columns = [
+        np.bincount(here, weights, key.size) for weights in (is_row, ~is_row, is_lined, support_m, gap_m)
+    ] + [np.bincount(there, axis == along, key.size) for along in (0, 1)]
+    sums = np.stack([*columns, way], axis=1) * view.cell_m
+    return _linked(np.stack(np.divmod(key, max(count, 1)), axis=1).astype(np.int32), sums, count)
+
+
+def _linked(pair: Labels, sums: Floats, count: int) -> kernels.Bonds:
+    """Contacts (E, 2) with their sums (E, 8) as a list for each place."""
+    end = pair.ravel()
+    order = np.argsort(end, kind="stable").astype(np.int32)
+    following = np.full(end.size, -1, np.int32)
+    same = end[order[1:]] == end[order[:-1]]
+    following[order[:-1][same]] = order[1:][same]
+    first, last = np.full(count, -1, np.int32), np.full(count, -1, np.int32)
+    first[end[order[::-1]]] = order[::-1]
+    last[end[order]] = order
+    target = np.ascontiguousarray(pair[:, ::-1]).ravel()
+    return kernels.Bonds(first, last, following, target, sums.repeat(2, axis=0))

@@ -1,0 +1,118 @@
+"""The walls' two main directions, and the lines that close the gaps between walls that lie in one line.
+
+Doors, and stretches of wall that a scanner did not see, are gaps in a line of walls.  A line across such a gap is
+where two places may meet, however wide it is.  After the wall lines of Luperto and Amigoni, "Reconstruction and
+prediction of the layout of indoor environments" (2019).
+
+h, w: rows, columns of the view.  L: lines.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.kernels import wall_gaps
+
+BAND_M, BRIDGE_M, WALL_M, GAP_M = 0.1, 0.3, 0.4, 4.0
+"""Walls in one line lie within a band, have holes that are bridged, and a length; gaps are at most so wide."""
+BESIDE_M, SLACK_M = 0.15, 0.1
+"""Of gaps that lie so near beside each other only that between the longest walls counts."""
+DRAWN = 0.4
+"""At least this share of the free space's border lies at occupied cells, unless the map draws its walls grey."""
+SAMPLE = 5000
+"""So many occupied cells tell the walls' directions."""
+
+Flags = NDArray[np.bool_]
+Ints = NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class WallLines:
+    """Lines across the gaps of walls."""
+
+    turn_deg: float
+    """From the rows of the map to the nearer direction of the walls, -45 to 45."""
+    line: Ints
+    """(h, w) number of the line on each cell, -1 where none; of lines that cross, the best supported."""
+    support_m: NDArray[np.float64]
+    """(L,) length of the shorter of the two walls beside the gap."""
+    gap_m: NDArray[np.float64]
+    """(L,) length of the gap."""
+
+
+def find_wall_lines(occupied: Flags, clear: Flags, cell_m: float) -> WallLines:
+    """Lines across the gaps of the walls of a map: occupied (h, w), clear (h, w) what is free, side of a cell."""
+    wall = _walls(occupied, clear)
+    turn_deg = main_turn_deg(wall)
+    there, size = _upright(turn_deg, wall.shape)
+    turned_wall = cv2.warpAffine(wall.astype(np.uint8) * 255, there, size, flags=cv2.INTER_LINEAR) > 100
+    turned_clear = cv2.warpAffine(clear.astype(np.uint8), there, size, flags=cv2.INTER_NEAREST) > 0
+    ends, lengths = [], []
+    for flip in (False, True):
+        gap = _gaps(turned_wall.T if flip else turned_wall, turned_clear.T if flip else turned_clear, cell_m)
+        slack = max(round(SLACK_M / cell_m), 1)
+        row, first, last = gap[:, 0], gap[:, 1] - slack, gap[:, 2] + slack
+        corners = np.stack([first, row, last, row], axis=1).reshape(-1, 2, 2)
+        ends.append(corners[:, :, ::-1] if flip else corners)
+        lengths.append(np.stack([gap[:, 3:].min(axis=1), gap[:, 2] - gap[:, 1] + 1], axis=1) * cell_m)
+    back = cv2.invertAffineTransform(there)
+    end = np.rint(np.concatenate(ends) @ back[:, :2].T + back[:, 2]).astype(int)
+    support_m, gap_m = np.concatenate(lengths).T
+    line = np.full(wall.shape, -1, np.int32)
+    for number in np.argsort(support_m, kind="stable").tolist():
+        cv2.line(line, end[number, 0].tolist(), end[number, 1].tolist(), number, 1)
+    return WallLines(turn_deg, line, support_m, gap_m)
+
+
+def _walls(occupied: Flags, clear: Flags) -> Flags:
+    """What counts as wall: what is occupied, and on maps that draw their walls grey all that borders free space."""
+    rim = (cv2.dilate(clear.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0) & ~clear
+    near = cv2.dilate(occupied.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    drawn = np.count_nonzero(rim & near) >= DRAWN * np.count_nonzero(rim)
+    return occupied if drawn else occupied | rim
+
+
+def main_turn_deg(wall: Flags) -> float:
+    """From the rows to the nearer direction of the walls, -45 to 45 degrees: where their two profiles are sharpest."""
+    rows, columns = np.nonzero(wall)
+    step = max(rows.size // SAMPLE, 1)
+    y, x = rows[::step].astype(np.float64), columns[::step].astype(np.float64)
+    if y.size < 20:
+        return 0.0
+
+    def sharpness(degrees: float) -> float:
+        cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        total = 0.0
+        for along in (x * cosine + y * sine, y * cosine - x * sine):
+            profile = np.bincount(np.rint(along - along.min()).astype(np.int64))
+            total += float((profile.astype(np.float64) ** 2).sum())
+        return total
+
+    rough = max(range(-45, 45), key=lambda degrees: (sharpness(degrees), -abs(degrees)))
+    tenths = range(10 * rough - 10, 10 * rough + 11)
+    return max(tenths, key=lambda tenth: (sharpness(tenth / 10), -abs(tenth))) / 10
+
+
+def _upright(turn_deg: float, shape: tuple[int, ...]) -> tuple[NDArray[np.float64], tuple[int, int]]:
+    """The affine map (2, 3) of x, y that turns walls upright, and width and height of what holds the turned map."""
+    height, width = shape
+    there = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), turn_deg, 1)
+    if turn_deg == 0:
+        return there, (width, height)
+    cosine, sine = abs(there[0, 0]), abs(there[0, 1])
+    size = int(height * sine + width * cosine) + 2, int(height * cosine + width * sine) + 2
+    there[:, 2] += (size[0] - width) / 2, (size[1] - height) / 2
+    return there, size
+
+
+def _gaps(wall: Flags, clear: Flags, cell_m: float) -> Ints:
+    """(G, 5) the gaps of walls along the rows: see ``wall_gaps.gaps``; of those side by side the best supported."""
+    band = np.ones((2 * round(BAND_M / cell_m) + 1, 1), np.uint8)
+    thick = cv2.dilate(np.ascontiguousarray(wall, np.uint8), band) > 0
+    bridge, least, most = (round(metres / cell_m) for metres in (BRIDGE_M, WALL_M, GAP_M))
+    found = wall_gaps.gaps(thick, np.ascontiguousarray(clear), bridge, max(least, 1), most)
+    order = np.lexsort((-found[:, 3:].max(axis=1), -found[:, 3:].min(axis=1))).astype(np.int32)
+    beside, slack = round(BESIDE_M / cell_m), max(round(SLACK_M / cell_m), 1)
+    return found[wall_gaps.apart(found, order, *wall.shape, beside, slack)]

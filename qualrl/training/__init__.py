@@ -1,0 +1,1 @@
+"""Training of what the segmentation has learned: needs the extra ``train`` (scikit-learn)."""

@@ -1,0 +1,123 @@
+"""Train the trees that tell which zones of a map are one place, on floor plans generated here and on nothing else.
+
+    python -m qualrl.training.merging --plans 2000 --out merging.npz
+
+Each plan is cut into zones, and zones are merged as the trees so far would do it, the likeliest pair first, but only
+where the truth agrees: so the trees meet pairs as they look on the way to the right answer.  Each pair met is a
+sample.  Rounds after the first one add the samples that the trees of the round before lead to.
+"""
+
+import argparse
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.kernels import merging as kernels
+from qualrl.spatial.floor_plans import random_floor_plan
+from qualrl.spatial.merging import ZoneGraph, unpacked, zone_graph_of
+from qualrl.spatial.view import look
+
+FIRST_SEED = 1_000_000
+"""Tests use smaller seeds."""
+SAMPLES = 30_000
+"""At most so many of a plan are kept."""
+FURNITURE_M = 0.35
+"""As ``segment`` looks past it."""
+LEAST_ODDS = -1.0
+"""Pairs that are one place are merged from these odds on."""
+
+Samples = NDArray[np.float32]
+Stored = dict[str, NDArray[Any]]
+
+
+def samples_of(seed: int, stored: Stored) -> Samples:
+    """(N, F + 2) what is met on one plan: features, whether the two are one place, the smaller area."""
+    plan = random_floor_plan(seed)
+    view = look(plan.grid.free, plan.grid.resolution_m, FURNITURE_M)
+    graph = zone_graph_of(view, view.of_grid(plan.grid.occupied))
+    place = plan.place.repeat(view.zoom, 0).repeat(view.zoom, 1)
+    return samples_on(graph, truth_of(graph, np.pad(place, 1, constant_values=-1)), unpacked(stored))
+
+
+def samples_on(graph: ZoneGraph, truth: NDArray[np.int32], trees: kernels.Trees) -> Samples:
+    """The samples on one graph whose zones have known places (Z,); the graph is used up."""
+    samples = kernels.Samples(truth, np.zeros((SAMPLES, len(kernels.FEATURES) + 2)), np.zeros(1, np.int64))
+    kernels.merge(graph.places, graph.bonds, trees, graph.about, LEAST_ODDS, 0.0, samples)
+    return samples.found[: samples.count[0]].astype(np.float32)
+
+
+def truth_of(graph: ZoneGraph, place: NDArray[np.int32]) -> NDArray[np.int32]:
+    """(Z,) the place (h, w) that has most of each zone, -1 where most of it lies in none."""
+    inside = graph.zone >= 0
+    count, places = len(graph.places.parent), int(place.max()) + 2
+    shares = np.bincount(graph.zone[inside] * places + place[inside] + 1, minlength=count * places).astype(np.float64)
+    table = shares.reshape(count, places)
+    table[:, 0] *= 0.5
+    return np.asarray(table.argmax(axis=1) - 1, np.int32)
+
+
+def trained(samples: Samples, trees: int) -> Stored:
+    """Boosted trees fitted to samples, as arrays.  Pairs of large places weigh more."""
+    from sklearn.ensemble import HistGradientBoostingClassifier
+
+    count = len(kernels.FEATURES)
+    weight = np.sqrt(np.minimum(samples[:, count + 1], 20)) + 0.05
+    model = HistGradientBoostingClassifier(
+        max_iter=trees, learning_rate=0.06, max_leaf_nodes=24, l2_regularization=1.0, min_samples_leaf=80,
+        early_stopping=False, random_state=0,
+    )  # fmt: skip
+    model.fit(samples[:, :count], samples[:, count] > 0, sample_weight=weight)
+    return packed([tree[0].nodes for tree in model._predictors], float(model._baseline_prediction[0, 0]))
+
+
+def packed(trees: Iterable[Any], start: float) -> Stored:
+    """The nodes of scikit-learn's trees as arrays, one tree after the other."""
+    nodes = list(trees)
+    root = np.cumsum([0] + [len(tree) for tree in nodes])[:-1]
+    whole = np.concatenate(nodes) if nodes else np.zeros(0, [("value", np.float32)])
+    shift = root.repeat([len(tree) for tree in nodes]) if nodes else root
+    if not nodes:
+        whole = {name: np.zeros(0) for name in ("is_leaf", "feature_idx", "left", "right", "num_threshold", "value")}
+    leaf = np.asarray(whole["is_leaf"], bool)
+    return {
+        "root": root.astype(np.int32),
+        "feature": np.where(leaf, -1, whole["feature_idx"]).astype(np.int8),
+        "left": np.where(leaf, 0, whole["left"] + shift).astype(np.int32),
+        "right": np.where(leaf, 0, whole["right"] + shift).astype(np.int32),
+        "threshold": np.where(leaf, 0.0, whole["num_threshold"]).astype(np.float32),
+        "leaf": np.where(leaf, whole["value"], 0.0).astype(np.float32),
+        "start": np.array(start),
+    }
+
+
+def train(plans: int, trees: int, jobs: int) -> Stored:
+    """Trees trained on so many plans in three rounds."""
+    stored = packed([], 0.0)
+    met: list[Samples] = []
+    with ProcessPoolExecutor(jobs) as pool:
+        for number, count in enumerate((plans // 4, plans // 2, plans)):
+            seeds = range(FIRST_SEED, FIRST_SEED + count)
+            met += pool.map(partial(samples_of, stored=stored), seeds, chunksize=8)
+            samples = np.concatenate(met)
+            stored = trained(samples, trees if number == 2 else min(trees, 150))
+            print(f"round {number + 1}: {count} plans, {len(samples)} samples", flush=True)
+    return stored
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--plans", type=int, default=2000)
+    parser.add_argument("--trees", type=int, default=400)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=Path("merging.npz"))
+    chosen = parser.parse_args()
+    np.savez_compressed(chosen.out, **train(chosen.plans, chosen.trees, chosen.jobs))
+
+
+if __name__ == "__main__":
+    main()
