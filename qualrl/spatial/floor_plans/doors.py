@@ -57,11 +57,19 @@ def random_doors(layout: Layout, wall_m: float) -> tuple[list[Door], NDArray[np.
         ways_round = 0.12 if _corridors(layout, pair) else 0.05
         if most_m < 0.85 or rng.random() > (ways_round if reached.connected(*pair) else 0.97):
             continue
-        for _ in range(1 + int(rng.random() < 0.12 and most_m > 5)):
+        for _ in range(_openings(layout, pair, most_m)):
             width_m = _width_m(layout, pair, most_m, cubicles)
             doors.append(_door(rng, pair, side, width_m, wall_m, opened))
         reached.merge(*pair)
     return doors, opened
+
+
+def _openings(layout: Layout, pair: Pair, most_m: float) -> int:
+    """How many doors a side has: mostly one; a long side along a corridor may be hardly more than a row of them."""
+    rng = layout.rng
+    if _corridors(layout, pair) == 1 and most_m > 6 and rng.random() < 0.12:
+        return int(most_m / rng.uniform(2.5, 4.5))
+    return 1 + int(rng.random() < 0.12 and most_m > 5)
 
 
 def _corridors(layout: Layout, pair: Pair) -> int:

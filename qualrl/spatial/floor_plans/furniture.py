@@ -34,10 +34,31 @@ def furniture(free: Flags, place: Ints, is_corridor: list[bool], rng: np.random.
             against_wall = rng.random() < 0.45
             at = by_wall[rng.integers(by_wall.size)] if against_wall else rng.integers(rows.size)
             _put(taken, place, number, (int(rows[at]), int(columns[at])), against_wall, rng)
+        if not corridor and area_m2 > 18 and rng.random() < 0.2 * min(density, 1.5):
+            taken |= _desks((place == number) & (to_wall > cells(0.4)), rng)
         if not corridor and area_m2 > 12 and rng.random() < 0.12 * min(density, 1.5):
             for at in rng.choice(by_wall, size=int(rng.integers(1, 4))):
                 taken |= _partition(place == number, (int(rows[at]), int(columns[at])), rng)
     return taken > 0
+
+
+def _desks(inside: Flags, rng: np.random.Generator) -> Bytes:
+    """(H, W) the same group of a desk and chairs again and again, in rows and columns all over the inside of a room."""
+    group = np.zeros([cells(rng.uniform(0.5, 2.4)) for _ in range(2)], np.uint8)
+    down, right = (side + cells(rng.uniform(0.6, 2.0)) for side in group.shape)
+    margin = cells(rng.uniform(0.1, 0.5))
+    group[margin:-margin, margin:-margin] = 1
+    if rng.random() < 0.4:
+        group[margin + 2 : -margin - 2, margin + 2 : -margin - 2] = 0
+    drawn = np.zeros(inside.shape, np.uint8)
+    rows, columns = np.nonzero(inside)
+    for row in range(int(rows.min(initial=0)), int(rows.max(initial=0)), down):
+        for column in range(int(columns.min(initial=0)), int(columns.max(initial=0)), right):
+            chairs = _piece(group.shape, False, rng) if rng.random() < 0.7 else np.zeros_like(group)
+            window = drawn[row : row + group.shape[0], column : column + group.shape[1]]
+            if window.shape == group.shape and rng.random() < 0.9:
+                window |= group | chairs
+    return drawn & inside
 
 
 def _put(
