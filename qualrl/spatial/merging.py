@@ -136,9 +136,9 @@ def _bonds(zone: Labels, count: int, ends: Labels, view: View, lines: WallLines)
     here, there = contact[: len(touching)], contact[len(touching) :]
     way = np.zeros(key.size)
     np.maximum.at(way, here, view.distance.ravel()[ends].min(axis=1))
-    columns = [
-        np.bincount(here, weights, key.size) for weights in (is_row, ~is_row, is_lined, support_m, gap_m)
-    ] + [np.bincount(there, axis == along, key.size) for along in (0, 1)]
+    columns = [np.bincount(here, weights, key.size) for weights in (is_row, ~is_row, is_lined, support_m, gap_m)] + [
+        np.bincount(there, axis == along, key.size) for along in (0, 1)
+    ]
     sums = np.stack([*columns, way], axis=1) * view.cell_m
     return _linked(np.stack(np.divmod(key, max(count, 1)), axis=1).astype(np.int32), sums, count)
 

@@ -18,14 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels import merging as kernels
-from qualrl.spatial.floor_plans import random_floor_plan
+from qualrl.spatial.floor_plans import FloorPlan, random_floor_plan
 from qualrl.spatial.merging import ZoneGraph, unpacked, zone_graph_of
+from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.view import look
 
 FIRST_SEED = 1_000_000
 """Tests use smaller seeds."""
 SAMPLES = 30_000
 """At most so many of a plan are kept."""
+NOISY, COARSER, FINER = 0.2, 0.2, 0.05
+"""Shares of the plans with noise in single cells, with cells twice as large, with cells half as large."""
 FURNITURE_M = 0.35
 """As ``segment`` looks past it."""
 LEAST_ODDS = -1.0
@@ -37,11 +40,28 @@ Stored = dict[str, NDArray[Any]]
 
 def samples_of(seed: int, stored: Stored) -> Samples:
     """(N, F + 2) what is met on one plan: features, whether the two are one place, the smaller area."""
-    plan = random_floor_plan(seed)
-    view = look(plan.grid.free, plan.grid.resolution_m, FURNITURE_M)
-    graph = zone_graph_of(view, view.of_grid(plan.grid.occupied))
-    place = plan.place.repeat(view.zoom, 0).repeat(view.zoom, 1)
+    grid, place = varied(random_floor_plan(seed), np.random.default_rng([seed, 1]))
+    view = look(grid.free, grid.resolution_m, FURNITURE_M)
+    graph = zone_graph_of(view, view.of_grid(grid.occupied))
+    place = place.repeat(view.zoom, 0).repeat(view.zoom, 1)
     return samples_on(graph, truth_of(graph, np.pad(place, 1, constant_values=-1)), unpacked(stored))
+
+
+def varied(plan: FloorPlan, rng: np.random.Generator) -> tuple[OccupancyGrid, NDArray[np.int32]]:
+    """The map of a plan and the place of each cell: some coarser, some finer, some with noise in single cells."""
+    free, occupied, place, cell_m = plan.grid.free, plan.grid.occupied, plan.place, plan.grid.resolution_m
+    if rng.random() < NOISY:
+        flipped = rng.random(free.shape) < rng.uniform(0.002, 0.015)
+        salt = flipped & (rng.random(free.shape) < 0.5)
+        free, occupied = (free & ~flipped) | salt, (occupied & ~flipped) | (flipped & ~salt)
+    size = rng.random()
+    if size < COARSER:
+        free, occupied, place = (image[::2, ::2] for image in (free, occupied, place))
+        cell_m *= 2
+    elif size < COARSER + FINER:
+        free, occupied, place = (image.repeat(2, 0).repeat(2, 1) for image in (free, occupied, place))
+        cell_m /= 2
+    return OccupancyGrid(free.copy(), occupied.copy(), cell_m), place
 
 
 def samples_on(graph: ZoneGraph, truth: NDArray[np.int32], trees: kernels.Trees) -> Samples:
@@ -100,7 +120,7 @@ def train(plans: int, trees: int, jobs: int) -> Stored:
     stored = packed([], 0.0)
     met: list[Samples] = []
     with ProcessPoolExecutor(jobs) as pool:
-        for number, count in enumerate((plans // 4, plans // 2, plans)):
+        for number, count in enumerate((plans // 8, plans // 4, plans)):
             seeds = range(FIRST_SEED, FIRST_SEED + count)
             met += pool.map(partial(samples_of, stored=stored), seeds, chunksize=8)
             samples = np.concatenate(met)

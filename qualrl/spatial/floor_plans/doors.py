@@ -57,6 +57,10 @@ def random_doors(layout: Layout, wall_m: float) -> tuple[list[Door], NDArray[np.
         ways_round = 0.12 if _corridors(layout, pair) else 0.05
         if most_m < 0.85 or rng.random() > (ways_round if reached.connected(*pair) else 0.97):
             continue
+        if _is_mouth(layout, pair, side) and rng.random() < 0.5:
+            doors.append(_mouth(pair, side, wall_m, opened))
+            reached.merge(*pair)
+            continue
         for _ in range(_openings(layout, pair, most_m)):
             width_m = _width_m(layout, pair, most_m, cubicles)
             doors.append(_door(rng, pair, side, width_m, wall_m, opened))
@@ -111,6 +115,29 @@ def _width_m(layout: Layout, pair: Pair, most_m: float, cubicles: bool) -> float
     return float(min(width_m, most_m - CELL_M))
 
 
+def _is_mouth(layout: Layout, pair: Pair, side: Side) -> bool:
+    """Whether a side is the end of a corridor at a room that is much wider."""
+    if _corridors(layout, pair) != 1 or (side.end - side.start) * CELL_M > 4:
+        return False
+    room = pair[0] if layout.is_corridor[pair[1]] else pair[1]
+    along = np.flatnonzero((layout.place == room).any(axis=1 if side.upright else 0))
+    return along.size > 1.8 * (side.end - side.start)
+
+
+def _mouth(pair: Pair, side: Side, wall_m: float, opened: NDArray[np.bool_]) -> Door:
+    """An opening as wide as the side, walls beside it excepted; its cells are added to the opened ones."""
+    half = cells(wall_m / 2)
+    return _opened(pair, side, (side.start + half, side.end - half), wall_m, opened)
+
+
+def _opened(pair: Pair, side: Side, stretch: tuple[int, int], wall_m: float, opened: NDArray[np.bool_]) -> Door:
+    """The door that a stretch of a side is, once its cells are added to the opened ones."""
+    deep, (start, end) = cells(wall_m) // 2 + 2, stretch
+    (opened if side.upright else opened.T)[start:end, max(side.line + 1 - deep, 0) : side.line + 1 + deep] = True
+    row, column = (start + end - 1) / 2, side.line + 0.5
+    return Door(pair, (row, column) if side.upright else (column, row), (end - start) * CELL_M, side.upright)
+
+
 def _door(
     rng: np.random.Generator, pair: Pair, side: Side, width_m: float, wall_m: float, opened: NDArray[np.bool_]
 ) -> Door:
@@ -118,8 +145,4 @@ def _door(
     spare_m = (side.end - side.start) * CELL_M - wall_m - width_m
     start = side.start + cells(float(rng.choice([rng.uniform(0, 1), 0.06, 0.94])) * spare_m + wall_m / 2)
     end = min(start + cells(width_m), side.end - 1)
-    deep = cells(wall_m) // 2 + 2
-    (opened if side.upright else opened.T)[start:end, max(side.line + 1 - deep, 0) : side.line + 1 + deep] = True
-    row, column = (start + end - 1) / 2, side.line + 0.5
-    width_m = (end - start) * CELL_M
-    return Door(pair, (row, column) if side.upright else (column, row), width_m, side.upright)
+    return _opened(pair, side, (start, end), wall_m, opened)
