@@ -8,7 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.kernels.bonds import Bonds, append, find, tidy
 from qualrl.kernels.jit import compiled, compiled_part
+from qualrl.kernels.pair_queue import Queue, grown, new_queue, pop, push
+from qualrl.kernels.trees import Trees, odds
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -16,8 +19,8 @@ Ints = NDArray[np.int32]
 AREA, THICK, WALLS, UNKNOWN, TOUCHING = 0, 1, 2, 3, 4
 """Columns of ``Places.sums``: square metres, these times half-width, and metres of border by what is beyond it."""
 ALONG, ACROSS, LINED, SUPPORT, GAP, WALL_ALONG, WALL_ACROSS, WAY = 0, 1, 2, 3, 4, 5, 6, 7
-"""Columns of ``Bonds.sums``: contact seen along rows and along columns, how much of it lies on lines, these times the
-lines' support and gap, wall between the two seen along both, and the half-width of the widest way (no sum)."""
+"""Columns of ``bonds.sums``: contact seen along rows and along columns, how much of it lies on lines, these times the
+lines' support and gap, wall between the two seen along both, and the half-width of the widest way (the largest)."""
 
 FEATURES = (
     "contact", "wall between", "openness", "way of peak", "way of breadth", "breadth ratio", "contact of width",
@@ -42,48 +45,6 @@ class Places(NamedTuple):
     """(Z, D) how far it reaches in D directions, evenly spaced; D is a multiple of 4."""
 
 
-class Bonds(NamedTuple):
-    """Linked lists of half-edges: 2e and 2e+1 hold contact e as seen from its two ends."""
-
-    first: Ints
-    """(Z,) first half-edge of each place, -1 for none."""
-    last: Ints
-    """(Z,)"""
-    following: Ints
-    """(2E,) next half-edge of the same place, -1 at the end."""
-    target: Ints
-    """(2E,) the place at the other end, or one that has been merged into it."""
-    sums: Floats
-    """(2E, 8) see ALONG and the rest."""
-
-
-class Trees(NamedTuple):
-    """Boosted trees: the sum of their leaves is the logarithm of the odds.  Nodes of all trees in one row."""
-
-    root: Ints
-    """(T,) first node of each tree."""
-    feature: Ints
-    """(nodes,) -1 in leaves."""
-    threshold: NDArray[np.float32]
-    """(nodes,) a value up to it goes on to the node's left, else right."""
-    left: Ints
-    right: Ints
-    leaf: NDArray[np.float32]
-    """(nodes,) what a leaf adds."""
-    start: float
-    """What the sum starts from."""
-
-
-class Queue(NamedTuple):
-    """A binary heap: the largest key first; of equal ones what was put in first."""
-
-    key: Floats
-    item: NDArray[np.int64]
-    """(capacity, 5) order of arrival, the two places, and their stamps."""
-    size: NDArray[np.int64]
-    """(1,)"""
-
-
 class Samples(NamedTuple):
     """What a walk with known truth meets; all empty otherwise."""
 
@@ -91,8 +52,8 @@ class Samples(NamedTuple):
     """(Z,) the true place of each zone, -1 where unknown."""
     found: Floats
     """(capacity, features + 2) features, whether the two are one, and the smaller area."""
-    count: NDArray[np.int64]
-    """(1,)"""
+    size: NDArray[np.int64]
+    """(1,) how many were found."""
 
 
 @compiled
@@ -108,50 +69,32 @@ def merge(
     stamp, seen = np.zeros(zones, np.int64), np.full(zones, -1, np.int32)
     features = np.empty(len(FEATURES))
     features[len(FEATURES) - 3 :] = about
-    queue = _new_queue(4 * len(bonds.target) + 16)
+    queue = new_queue(4 * len(bonds.target) + 16)
     for zone in range(zones):
-        _tidy(zone, places.parent, bonds, seen)
-        queue = _grown(queue, zones)
+        tidy(zone, places.parent, bonds, seen)
+        queue = grown(queue, zones)
         _ask(zone, True, places, bonds, trees, features, stamp, queue, samples)
     while queue.size[0]:
-        odds = queue.key[0]
+        likely = queue.key[0]
         host, guest = queue.item[0, 1], queue.item[0, 2]
         is_old = queue.item[0, 3] != stamp[host] or queue.item[0, 4] != stamp[guest]
-        _pop(queue)
+        pop(queue)
         if is_old:
             continue
-        if odds < least_odds:
+        if likely < least_odds:
             break
         if len(samples.truth) and not _is_true(host, guest, samples.truth):
             continue
         _join(host, guest, places, bonds)
         stamp[host] += 1
         stamp[guest] = -1
-        _tidy(host, places.parent, bonds, seen)
-        queue = _grown(queue, zones)
+        tidy(host, places.parent, bonds, seen)
+        queue = grown(queue, zones)
         _ask(host, False, places, bonds, trees, features, stamp, queue, samples)
     if min_area > 0:
         _join_small(places, bonds, trees, features, min_area, seen)
     for zone in range(zones):
-        places.parent[zone] = _find(places.parent, zone)
-
-
-@compiled
-def odds_of(trees: Trees, features: Floats) -> Floats:
-    """(N,) logarithm of the odds that the trees give to rows (N, F) of features."""
-    found = np.empty(len(features))
-    for row in range(len(features)):
-        found[row] = _odds(trees, features[row])
-    return found
-
-
-@compiled_part
-def _find(parent: Ints, item: int) -> int:
-    """The root of an item's set; the paths passed are halved on the way."""
-    while parent[item] != item:
-        parent[item] = parent[parent[item]]
-        item = parent[item]
-    return item
+        places.parent[zone] = find(places.parent, zone)
 
 
 @compiled_part
@@ -175,15 +118,15 @@ def _ask(
         other = bonds.target[half]
         if bonds.sums[half, ALONG] + bonds.sums[half, ACROSS] > 0 and not (once and other < place):
             _describe(place, other, half, places, bonds, features)
-            _push(queue, _odds(trees, features), place, other, stamp[place], stamp[other])
+            push(queue, odds(trees, features), place, other, stamp[place], stamp[other])
             if len(samples.truth) and samples.truth[place] >= 0 and samples.truth[other] >= 0:
-                at = samples.count[0]
+                at = samples.size[0]
                 if at < len(samples.found):
                     for column in range(len(features)):
                         samples.found[at, column] = features[column]
                     samples.found[at, len(features)] = samples.truth[place] == samples.truth[other]
                     samples.found[at, len(features) + 1] = min(places.sums[place, AREA], places.sums[other, AREA])
-                    samples.count[0] = at + 1
+                    samples.size[0] = at + 1
         half = bonds.following[half]
 
 
@@ -201,43 +144,7 @@ def _join(host: int, guest: int, places: Places, bonds: Bonds) -> None:
     places.peak[host] = max(places.peak[host], places.peak[guest])
     for k in range(places.reach.shape[1]):
         places.reach[host, k] = max(places.reach[host, k], places.reach[guest, k])
-    if bonds.last[host] < 0:
-        bonds.first[host] = bonds.first[guest]
-    elif bonds.first[guest] >= 0:
-        bonds.following[bonds.last[host]] = bonds.first[guest]
-    if bonds.last[guest] >= 0:
-        bonds.last[host] = bonds.last[guest]
-
-
-@compiled_part
-def _tidy(place: int, parent: Ints, bonds: Bonds, seen: Ints) -> None:
-    """Leave a place one half-edge for each neighbour, and none to itself.  seen (Z,) is scratch, all -1."""
-    half, kept = bonds.first[place], -1
-    bonds.first[place] = -1
-    while half >= 0:
-        after = bonds.following[half]
-        other = _find(parent, bonds.target[half])
-        before = seen[other]
-        if other != place and before >= 0:
-            for column in range(WAY):
-                bonds.sums[before, column] += bonds.sums[half, column]
-            bonds.sums[before, WAY] = max(bonds.sums[before, WAY], bonds.sums[half, WAY])
-        elif other != place:
-            bonds.target[half] = other
-            seen[other] = half
-            if kept < 0:
-                bonds.first[place] = half
-            else:
-                bonds.following[kept] = half
-            kept = half
-        half = after
-    bonds.last[place] = kept
-    if kept >= 0:
-        bonds.following[kept] = -1
-    half = bonds.first[place]
-    while half >= 0:
-        seen[bonds.target[half]] = -1
-        half = bonds.following[half]
+    append(host, guest, bonds)
 
 
 @compiled
@@ -249,15 +156,15 @@ def _join_small(places: Places, bonds: Bonds, trees: Trees, features: Floats, mi
             if places.parent[place] != place or places.sums[place, AREA] >= min_area:
                 continue
             if small < 0 or places.sums[place, AREA] < places.sums[small, AREA]:
-                _tidy(place, places.parent, bonds, seen)
+                tidy(place, places.parent, bonds, seen)
                 if _touches(place, bonds):
                     small = place
         if small < 0:
             return
         host = _likeliest(small, places, bonds, trees, features)
-        _tidy(host, places.parent, bonds, seen)
+        tidy(host, places.parent, bonds, seen)
         _join(host, small, places, bonds)
-        _tidy(host, places.parent, bonds, seen)
+        tidy(host, places.parent, bonds, seen)
 
 
 @compiled_part
@@ -278,9 +185,9 @@ def _likeliest(place: int, places: Places, bonds: Bonds, trees: Trees, features:
     while half >= 0:
         if bonds.sums[half, ALONG] + bonds.sums[half, ACROSS] > 0:
             _describe(place, bonds.target[half], half, places, bonds, features)
-            odds = _odds(trees, features)
-            if odds > most:
-                best, most = bonds.target[half], odds
+            likely = odds(trees, features)
+            if likely > most:
+                best, most = bonds.target[half], likely
         half = bonds.following[half]
     return best
 
@@ -325,7 +232,7 @@ def _describe(one: int, other: int, half: int, places: Places, bonds: Bonds, fea
 
 @compiled_part
 def _log(value: float) -> float:
-    return np.log(max(value, 1e-2))
+    return float(np.log(max(value, 1e-2)))
 
 
 @compiled_part
@@ -348,78 +255,3 @@ def _fullness(area: float, one: Floats, other: Floats) -> tuple[float, float]:
             right = max(one[k + 3 * quarter], other[k + 3 * quarter])
             rectangle = min(rectangle, (here + back) * (left + right))
     return area / max(hull, 1e-6), area / max(rectangle, 1e-6)
-
-
-@compiled_part
-def _odds(trees: Trees, features: Floats) -> float:
-    """The logarithm of the odds that two places are one."""
-    total = trees.start
-    for tree in range(len(trees.root)):
-        node = trees.root[tree]
-        while trees.feature[node] >= 0:
-            goes_left = features[trees.feature[node]] <= trees.threshold[node]
-            node = trees.left[node] if goes_left else trees.right[node]
-        total += trees.leaf[node]
-    return total
-
-
-@compiled
-def _new_queue(capacity: int) -> Queue:
-    return Queue(np.empty(capacity), np.empty((capacity, 5), np.int64), np.zeros(2, np.int64))
-
-
-@compiled
-def _grown(queue: Queue, room: int) -> Queue:
-    """The queue, with room for so many more."""
-    if queue.size[0] + room <= len(queue.key):
-        return queue
-    larger = _new_queue(2 * (queue.size[0] + room))
-    larger.key[: queue.size[0]] = queue.key[: queue.size[0]]
-    larger.item[: queue.size[0]] = queue.item[: queue.size[0]]
-    larger.size[:] = queue.size
-    return larger
-
-
-@compiled_part
-def _comes_before(queue: Queue, one: int, other: int) -> bool:
-    if queue.key[one] != queue.key[other]:
-        return queue.key[one] > queue.key[other]
-    return queue.item[one, 0] < queue.item[other, 0]
-
-
-@compiled_part
-def _swap(queue: Queue, one: int, other: int) -> None:
-    queue.key[one], queue.key[other] = queue.key[other], queue.key[one]
-    for column in range(queue.item.shape[1]):
-        queue.item[one, column], queue.item[other, column] = queue.item[other, column], queue.item[one, column]
-
-
-@compiled_part
-def _push(queue: Queue, key: float, host: int, guest: int, host_stamp: int, guest_stamp: int) -> None:
-    at = queue.size[0]
-    queue.key[at] = key
-    queue.item[at, 0], queue.item[at, 1], queue.item[at, 2] = queue.size[1], host, guest
-    queue.item[at, 3], queue.item[at, 4] = host_stamp, guest_stamp
-    queue.size[0] += 1
-    queue.size[1] += 1
-    while at > 0 and _comes_before(queue, at, (at - 1) // 2):
-        _swap(queue, at, (at - 1) // 2)
-        at = (at - 1) // 2
-
-
-@compiled_part
-def _pop(queue: Queue) -> None:
-    """Take out the first."""
-    queue.size[0] -= 1
-    size = queue.size[0]
-    _swap(queue, 0, size)
-    at = 0
-    while True:
-        best = at
-        for child in range(2 * at + 1, min(2 * at + 3, size)):
-            if _comes_before(queue, child, best):
-                best = child
-        if best == at:
-            return
-        _swap(queue, at, best)
-        at = best

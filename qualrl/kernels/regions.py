@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.kernels.bonds import Bonds, append, find, tidy
 from qualrl.kernels.jit import compiled, compiled_part
 
 Floats = NDArray[np.float32]
@@ -33,46 +34,6 @@ class Rules(NamedTuple):
     """A place's area is at least this."""
 
 
-class Contacts(NamedTuple):
-    """Where zones touch."""
-
-    pair: Ints
-    """(E, 2) the two zones."""
-    length: Floats
-    """(E,) steps that lead from one to the other."""
-    way: Floats
-    """(E,) half-width of the widest way from one to the other."""
-
-
-class Links(NamedTuple):
-    """A linked list of half-edges for each zone, so that joining two zones links their lists.
-
-    Half-edges 2e and 2e+1 hold contact e as seen from its two ends.
-    """
-
-    first: Ints
-    """(Z,) first half-edge of each zone, -1 for none."""
-    last: Ints
-    """(Z,)"""
-    following: Ints
-    """(2E,) next half-edge of the same zone, -1 at the end."""
-    target: Ints
-    """(2E,) the zone at the other end, or one that has been joined to it."""
-    length: Floats
-    """(2E,)"""
-    way: Floats
-    """(2E,)"""
-
-
-@compiled_part
-def _find(parent: Ints, item: int) -> int:
-    """The root of an item's set; the paths passed are halved on the way."""
-    while parent[item] != item:
-        parent[item] = parent[parent[item]]
-        item = parent[item]
-    return item
-
-
 @compiled_part
 def _beside(cell: int, side: int, height: int, width: int) -> int:
     """Flat index of the cell north, west, east or south (side 0 to 3) of a cell, -1 off the map."""
@@ -94,7 +55,7 @@ def _numbered(parent: Ints, height: int, width: int) -> tuple[Ints, int]:
     count = 0
     for cell in range(parent.size):
         if parent[cell] >= 0:
-            root = _find(parent, cell)
+            root = find(parent, cell)
             if number[root] < 0:
                 number[root] = count
                 count += 1
@@ -115,7 +76,7 @@ def pieces(label: Ints) -> tuple[Ints, int]:
         for side in range(2):
             other = _beside(cell, side, height, width)
             if other >= 0 and flat[other] == flat[cell]:
-                a, b = _find(parent, other), _find(parent, cell)
+                a, b = find(parent, other), find(parent, cell)
                 parent[max(a, b)] = min(a, b)
     return _numbered(parent, height, width)
 
@@ -138,7 +99,7 @@ def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, s
         for side in range(4):
             other = _beside(cell, side, height, width)
             if other >= 0 and parent[other] >= 0:
-                zone = _find(parent, other)
+                zone = find(parent, other)
                 if thick[cell] < step * peak[zone]:
                     continue
                 larger = best >= 0 and peak[zone] == peak[best] and area[zone] > area[best]
@@ -152,7 +113,7 @@ def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, s
             other = _beside(cell, side, height, width)
             if other < 0 or parent[other] < 0:
                 continue
-            zone = _find(parent, other)
+            zone = find(parent, other)
             # Zones of less area than the way is wide are specks in which no place can lie.
             is_one = way[cell] >= pinch * peak[zone] or min(area[zone], area[best]) <= way[cell] ** 2
             if zone != best and thick[cell] >= step * peak[zone] and is_one:
@@ -188,7 +149,7 @@ def crossings(label: Ints) -> Ints:
 
 @compiled
 def join_zones(
-    order: NDArray[np.int64], parent: Ints, area: Floats, breadth: Floats, links: Links, rules: Rules
+    order: NDArray[np.int64], parent: Ints, area: Floats, breadth: Floats, bonds: Bonds, rules: Rules
 ) -> int:
     """Go once over the zones and join each that is no place of its own to its host; how many were joined.
 
@@ -198,85 +159,32 @@ def join_zones(
     seen = np.full(area.size, -1, np.int32)
     joined = 0
     for zone in order:
-        if parent[zone] != zone or links.first[zone] < 0:
+        if parent[zone] != zone or bonds.first[zone] < 0:
             continue
-        _tidy(zone, parent, links, seen)
-        host = _host(zone, area, breadth, links, rules)
+        tidy(zone, parent, bonds, seen)
+        host = _host(zone, area, breadth, bonds, rules)
         if host < 0:
             continue
         parent[zone] = host
         both = area[host] + area[zone]
         breadth[host] = (breadth[host] * area[host] + breadth[zone] * area[zone]) / both
         area[host] = both
-        if links.last[host] < 0:
-            links.first[host] = links.first[zone]
-        else:
-            links.following[links.last[host]] = links.first[zone]
-        links.last[host] = links.last[zone]
+        append(host, zone, bonds)
         joined += 1
     for zone in range(parent.size):
-        parent[zone] = _find(parent, zone)
+        parent[zone] = find(parent, zone)
     return joined
 
 
-@compiled
-def linked(zones: int, contacts: Contacts) -> Links:
-    """The contacts as a list for each zone."""
-    first, last = np.full(zones, -1, np.int32), np.full(zones, -1, np.int32)
-    following = np.full(2 * len(contacts.pair), -1, np.int32)
-    target = np.empty(following.size, np.int32)
-    length, way = np.empty(following.size, np.float32), np.empty(following.size, np.float32)
-    for half in range(following.size):
-        contact, end = half // 2, half % 2
-        here = contacts.pair[contact, end]
-        target[half] = contacts.pair[contact, 1 - end]
-        length[half], way[half] = contacts.length[contact], contacts.way[contact]
-        following[half] = first[here]
-        first[here] = half
-        if last[here] < 0:
-            last[here] = half
-    return Links(first, last, following, target, length, way)
-
-
 @compiled_part
-def _tidy(zone: int, parent: Ints, links: Links, seen: Ints) -> None:
-    """Leave a zone one half-edge for each neighbour, and none to itself.  seen (Z,) is scratch, all -1."""
-    half, kept = links.first[zone], -1
-    links.first[zone] = -1
-    while half >= 0:
-        after = links.following[half]
-        other = _find(parent, links.target[half])
-        before = seen[other]
-        if other != zone and before >= 0:
-            links.length[before] += links.length[half]
-            links.way[before] = max(links.way[before], links.way[half])
-        elif other != zone:
-            links.target[half] = other
-            seen[other] = half
-            if kept < 0:
-                links.first[zone] = half
-            else:
-                links.following[kept] = half
-            kept = half
-        half = after
-    links.last[zone] = kept
-    if kept >= 0:
-        links.following[kept] = -1
-    half = links.first[zone]
-    while half >= 0:
-        seen[links.target[half]] = -1
-        half = links.following[half]
-
-
-@compiled_part
-def _host(zone: int, area: Floats, breadth: Floats, links: Links, rules: Rules) -> int:
+def _host(zone: int, area: Floats, breadth: Floats, bonds: Bonds, rules: Rules) -> int:
     """Of the neighbours that a zone is one place with, the one it touches most; -1 for none."""
-    host, touch = -1, np.float32(0.0)
+    host, touch = -1, 0.0
     slender = area[zone] >= rules.slender * breadth[zone] ** 2
-    half = links.first[zone]
+    half = bonds.first[zone]
     while half >= 0:
-        other, way, length = links.target[half], links.way[half], links.length[half]
-        half = links.following[half]
+        other, length, way = bonds.target[half], bonds.sums[half, 0], bonds.sums[half, 1]
+        half = bonds.following[half]
         speck = area[zone] < rules.min_area or area[zone] < rules.roomy * way**2
         level = way >= rules.pinch * breadth[zone]
         corridor_end = slender and way < rules.step * breadth[other] and length < rules.long * breadth[zone]

@@ -70,7 +70,7 @@ def apart(found: Ints, order: Ints, height: int, width: int, rows: int, slack: i
 
 @compiled
 def walls_between(zone: Ints, most: int) -> tuple[Ints, Ints]:
-    """(N, 2) the zones on the two sides of each wall, looked at along every row and column; (N,) 0 along rows, 1 columns.
+    """(N, 2) the zones on the two sides of each wall, along every row (N,) 0, and every column 1.
 
     zone (H, W), -1 where no zone is; a wall is a run of such cells, at most ``most``.
     """

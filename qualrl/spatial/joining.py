@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels import regions as kernels
+from qualrl.kernels.bonds import linked
 from qualrl.spatial.distance import distance_within
 from qualrl.spatial.view import View, flat_zones
 
@@ -29,13 +30,13 @@ def joined_regions(view: View, min_area: float, pinch: float) -> Labels:
     ends = kernels.crossings(zone)
     pair = np.sort(zone.ravel()[ends], axis=1).astype(np.int64)
     key, contact, length = np.unique(pair[:, 0] * count + pair[:, 1], return_inverse=True, return_counts=True)
-    way = np.zeros(key.size, np.float32)
+    way = np.zeros(key.size)
     np.maximum.at(way, contact, distance.ravel()[ends].min(axis=1))
     touching = np.stack(np.divmod(key, max(count, 1)), axis=1).astype(np.int32)
-    links = kernels.linked(count, kernels.Contacts(touching, length.astype(np.float32), way))
+    bonds = linked(touching, np.stack([length, way], axis=1), count)
     rules = kernels.Rules(pinch, STEP, SLENDER, LONG, ROOMY, float(min_area))
     place = np.arange(count, dtype=np.int32)
-    while kernels.join_zones(np.argsort(area, kind="stable"), place, area, breadth, links, rules):
+    while kernels.join_zones(np.argsort(area, kind="stable"), place, area, breadth, bonds, rules):
         pass
     return _straightened(np.where(zone >= 0, place[zone], -1).astype(np.int32), view)
 

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from qualrl.kernels import merging as kernels
 from qualrl.kernels import regions as zone_kernels
 from qualrl.kernels import wall_gaps, zone_graph
+from qualrl.kernels.bonds import Bonds, linked
 from qualrl.kernels.labels import borders
+from qualrl.kernels.trees import Trees
 from qualrl.spatial.distance import distance_within
 from qualrl.spatial.view import View, flat_zones, local_thickness_of
 from qualrl.spatial.wall_lines import WallLines, find_wall_lines
@@ -47,7 +49,7 @@ class ZoneGraph(NamedTuple):
     zone: Labels
     """(h, w) zone of each cell, -1 where not free."""
     places: kernels.Places
-    bonds: kernels.Bonds
+    bonds: Bonds
     about: Floats
     """(3,) features of the whole map."""
 
@@ -60,17 +62,17 @@ def merged_regions(view: View, occupied: Flags, min_area_m2: float) -> Labels:
 
 
 @cache
-def trees() -> kernels.Trees:
+def trees() -> Trees:
     """The trained trees."""
     with np.load(str(files("qualrl.spatial").joinpath("merging.npz")), allow_pickle=False) as stored:
         return unpacked({name: stored[name] for name in stored.files})
 
 
-def unpacked(stored: dict[str, NDArray[np.generic]]) -> kernels.Trees:
+def unpacked(stored: dict[str, NDArray[np.generic]]) -> Trees:
     """Trees from their arrays as they are stored."""
     whole = {name: np.asarray(stored[name], np.int32) for name in ("root", "feature", "left", "right")}
     parts = {name: np.asarray(stored[name], np.float32) for name in ("threshold", "leaf")}
-    return kernels.Trees(
+    return Trees(
         whole["root"], whole["feature"], parts["threshold"], whole["left"], whole["right"], parts["leaf"],
         float(stored["start"]),
     )  # fmt: skip
@@ -122,7 +124,7 @@ def _places(zone: Labels, count: int, view: View, occupied: Flags, lines: WallLi
     return kernels.Places(np.arange(count, dtype=np.int32), sums, peak, reach)
 
 
-def _bonds(zone: Labels, count: int, ends: Labels, view: View, lines: WallLines) -> kernels.Bonds:
+def _bonds(zone: Labels, count: int, ends: Labels, view: View, lines: WallLines) -> Bonds:
     """Where zones touch (ends (N, 2): the steps that cross) or have a wall between them."""
     at = zone_graph.line_at_steps(ends, lines.line, lines.support_m)
     is_lined = at >= 0
@@ -140,18 +142,4 @@ def _bonds(zone: Labels, count: int, ends: Labels, view: View, lines: WallLines)
         np.bincount(there, axis == along, key.size) for along in (0, 1)
     ]
     sums = np.stack([*columns, way], axis=1) * view.cell_m
-    return _linked(np.stack(np.divmod(key, max(count, 1)), axis=1).astype(np.int32), sums, count)
-
-
-def _linked(pair: Labels, sums: Floats, count: int) -> kernels.Bonds:
-    """Contacts (E, 2) with their sums (E, 8) as a list for each place."""
-    end = pair.ravel()
-    order = np.argsort(end, kind="stable").astype(np.int32)
-    following = np.full(end.size, -1, np.int32)
-    same = end[order[1:]] == end[order[:-1]]
-    following[order[:-1][same]] = order[1:][same]
-    first, last = np.full(count, -1, np.int32), np.full(count, -1, np.int32)
-    first[end[order[::-1]]] = order[::-1]
-    last[end[order]] = order
-    target = np.ascontiguousarray(pair[:, ::-1]).ravel()
-    return kernels.Bonds(first, last, following, target, sums.repeat(2, axis=0))
+    return linked(np.stack(np.divmod(key, max(count, 1)), axis=1).astype(np.int32), sums, count)

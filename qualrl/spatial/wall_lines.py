@@ -98,12 +98,12 @@ def main_turn_deg(wall: Flags) -> float:
 def _upright(turn_deg: float, shape: tuple[int, ...]) -> tuple[NDArray[np.float64], tuple[int, int]]:
     """The affine map (2, 3) of x, y that turns walls upright, and width and height of what holds the turned map."""
     height, width = shape
-    there = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), turn_deg, 1)
+    there = np.asarray(cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), turn_deg, 1), np.float64)
     if turn_deg == 0:
         return there, (width, height)
     cosine, sine = abs(there[0, 0]), abs(there[0, 1])
     size = int(height * sine + width * cosine) + 2, int(height * cosine + width * sine) + 2
-    there[:, 2] += (size[0] - width) / 2, (size[1] - height) / 2
+    there[:, 2] += np.array([size[0] - width, size[1] - height]) / 2
     return there, size
 
 
@@ -115,4 +115,4 @@ def _gaps(wall: Flags, clear: Flags, cell_m: float) -> Ints:
     found = wall_gaps.gaps(thick, np.ascontiguousarray(clear), bridge, max(least, 1), most)
     order = np.lexsort((-found[:, 3:].max(axis=1), -found[:, 3:].min(axis=1))).astype(np.int32)
     beside, slack = round(BESIDE_M / cell_m), max(round(SLACK_M / cell_m), 1)
-    return found[wall_gaps.apart(found, order, *wall.shape, beside, slack)]
+    return found[wall_gaps.apart(found, order, wall.shape[0], wall.shape[1], beside, slack)]

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels import merging as kernels
+from qualrl.kernels.trees import Trees
 from qualrl.spatial.floor_plans import FloorPlan, random_floor_plan
 from qualrl.spatial.merging import ZoneGraph, unpacked, zone_graph_of
 from qualrl.spatial.occupancy_grid import OccupancyGrid
@@ -49,26 +50,26 @@ def samples_of(seed: int, stored: Stored) -> Samples:
 
 def varied(plan: FloorPlan, rng: np.random.Generator) -> tuple[OccupancyGrid, NDArray[np.int32]]:
     """The map of a plan and the place of each cell: some coarser, some finer, some with noise in single cells."""
-    free, occupied, place, cell_m = plan.grid.free, plan.grid.occupied, plan.place, plan.grid.resolution_m
+    free, occupied, cell_m = plan.grid.free, plan.grid.occupied, plan.grid.resolution_m
     if rng.random() < NOISY:
         flipped = rng.random(free.shape) < rng.uniform(0.002, 0.015)
         salt = flipped & (rng.random(free.shape) < 0.5)
         free, occupied = (free & ~flipped) | salt, (occupied & ~flipped) | (flipped & ~salt)
-    size = rng.random()
+    size, step, repeats = rng.random(), 1, 1
     if size < COARSER:
-        free, occupied, place = (image[::2, ::2] for image in (free, occupied, place))
-        cell_m *= 2
+        step = 2
     elif size < COARSER + FINER:
-        free, occupied, place = (image.repeat(2, 0).repeat(2, 1) for image in (free, occupied, place))
-        cell_m /= 2
-    return OccupancyGrid(free.copy(), occupied.copy(), cell_m), place
+        repeats = 2
+    free, occupied = (flags[::step, ::step].repeat(repeats, 0).repeat(repeats, 1) for flags in (free, occupied))
+    place = plan.place[::step, ::step].repeat(repeats, 0).repeat(repeats, 1)
+    return OccupancyGrid(free, occupied, cell_m * step / repeats), place
 
 
-def samples_on(graph: ZoneGraph, truth: NDArray[np.int32], trees: kernels.Trees) -> Samples:
+def samples_on(graph: ZoneGraph, truth: NDArray[np.int32], trees: Trees) -> Samples:
     """The samples on one graph whose zones have known places (Z,); the graph is used up."""
     samples = kernels.Samples(truth, np.zeros((SAMPLES, len(kernels.FEATURES) + 2)), np.zeros(1, np.int64))
     kernels.merge(graph.places, graph.bonds, trees, graph.about, LEAST_ODDS, 0.0, samples)
-    return samples.found[: samples.count[0]].astype(np.float32)
+    return samples.found[: samples.size[0]].astype(np.float32)
 
 
 def truth_of(graph: ZoneGraph, place: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -98,11 +99,10 @@ def trained(samples: Samples, trees: int) -> Stored:
 def packed(trees: Iterable[Any], start: float) -> Stored:
     """The nodes of scikit-learn's trees as arrays, one tree after the other."""
     nodes = list(trees)
-    root = np.cumsum([0] + [len(tree) for tree in nodes])[:-1]
-    whole = np.concatenate(nodes) if nodes else np.zeros(0, [("value", np.float32)])
-    shift = root.repeat([len(tree) for tree in nodes]) if nodes else root
-    if not nodes:
-        whole = {name: np.zeros(0) for name in ("is_leaf", "feature_idx", "left", "right", "num_threshold", "value")}
+    root = np.cumsum([0] + [len(tree) for tree in nodes], dtype=np.int64)[:-1]
+    names = ("is_leaf", "feature_idx", "left", "right", "num_threshold", "value")
+    whole = {name: np.concatenate([tree[name] for tree in nodes] or [np.zeros(0)]) for name in names}
+    shift = root.repeat([len(tree) for tree in nodes])
     leaf = np.asarray(whole["is_leaf"], bool)
     return {
         "root": root.astype(np.int32),
@@ -130,13 +130,15 @@ def train(plans: int, trees: int, jobs: int) -> Stored:
 
 
 def main() -> None:
+    """The command."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--plans", type=int, default=2000)
     parser.add_argument("--trees", type=int, default=400)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("merging.npz"))
     chosen = parser.parse_args()
-    np.savez_compressed(chosen.out, **train(chosen.plans, chosen.trees, chosen.jobs))
+    stored = train(chosen.plans, chosen.trees, chosen.jobs)
+    np.savez_compressed(chosen.out, allow_pickle=False, **stored)
 
 
 if __name__ == "__main__":
