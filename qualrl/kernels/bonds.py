@@ -32,7 +32,7 @@ class Bonds(NamedTuple):
 def linked(pair: Ints, sums: Floats, places: int) -> Bonds:
     """Contacts (E, 2) with what is known of them (E, C) as a list for each place."""
     end = pair.ravel()
-    order = np.argsort(end, kind="stable").astype(np.int32)
+    order = np.argsort(end, kind="stable").astype(np.int32)[::-1]
     following = np.full(end.size, -1, np.int32)
     same = end[order[1:]] == end[order[:-1]]
     following[order[:-1][same]] = order[1:][same]
