@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.bonds import linked
-from qualrl.spatial.distance import distance_within
+from qualrl.spatial.straightening import straightened
 from qualrl.spatial.view import View, flat_zones
 
 STEP, SLENDER, LONG, ROOMY = 0.6, 9.0, 5.0, 6.0
@@ -38,18 +38,4 @@ def joined_regions(view: View, min_area: float, pinch: float) -> Labels:
     place = np.arange(count, dtype=np.int32)
     while kernels.join_zones(np.argsort(area, kind="stable"), place, area, breadth, bonds, rules):
         pass
-    return _straightened(np.where(zone >= 0, place[zone], -1).astype(np.int32), view)
-
-
-def _straightened(region: Labels, view: View) -> Labels:
-    """The regions with their borders moved to where free space is narrowest nearby."""
-    border = np.zeros(region.size, np.bool_)
-    border[kernels.crossings(region)] = True
-    if not border.any():
-        return region
-    from_border = distance_within(~border.reshape(region.shape))
-    core = np.where(from_border > 0.5 * view.thickness, region, -1).astype(np.int32)
-    has_core = np.zeros(int(region.max()) + 1, np.bool_)
-    has_core[core[core >= 0]] = True
-    core = np.where((region >= 0) & ~has_core[region], region, core).astype(np.int32)
-    return kernels.flood(core, region >= 0, (view.distance * 8).astype(np.int32))
+    return straightened(np.where(zone >= 0, place[zone], -1).astype(np.int32), view)

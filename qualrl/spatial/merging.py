@@ -21,6 +21,7 @@ from qualrl.kernels.bonds import Bonds, linked
 from qualrl.kernels.labels import borders
 from qualrl.kernels.trees import Trees
 from qualrl.spatial.distance import distance_within
+from qualrl.spatial.straightening import straightened
 from qualrl.spatial.view import View, flat_zones, local_thickness_of
 from qualrl.spatial.wall_lines import WallLines, find_wall_lines
 
@@ -28,8 +29,10 @@ PINCH, STEP = 0.85, 0.8
 """See ``kernels.regions.flat_zones``."""
 LEAST_ZONE_M2 = 0.15
 """Smaller zones go to those beside them."""
-LEAST_ODDS = -0.3
+LEAST_ODDS = 0.0
 """Pairs are merged from these odds on (their logarithm)."""
+STRAIGHTENED_M = 0.3
+"""Borders move at most so far to where free space is narrowest."""
 WALL_M = 0.5
 """Walls are at most so thick."""
 MOST_SUPPORT_M = 5.0
@@ -58,7 +61,8 @@ def merged_regions(view: View, occupied: Flags, min_area_m2: float) -> Labels:
     """(h, w) region of each cell of the view, -1 where it is not free; occupied (h, w)."""
     graph = zone_graph_of(view, occupied)
     kernels.merge(graph.places, graph.bonds, trees(), graph.about, LEAST_ODDS, min_area_m2, NO_SAMPLES)
-    return np.where(graph.zone >= 0, graph.places.parent[graph.zone], -1).astype(np.int32)
+    region = np.where(graph.zone >= 0, graph.places.parent[graph.zone], -1).astype(np.int32)
+    return straightened(region, view, STRAIGHTENED_M / view.cell_m)
 
 
 @cache

@@ -138,6 +138,11 @@ class RegionMap:
         """Every name on the map: regions, then landmarks (doorways are landmarks)."""
         return self.region_names + tuple(mark.name for mark in self.landmarks)
 
+    def label_image(self) -> NDArray[np.int32]:
+        """(H, W) number of each cell's region counted from 1, as other tools expect it; 0 in pockets and elsewhere."""
+        number = np.array([0] + [at * (region.kind != "pocket") for at, region in enumerate(self.regions, 1)], np.int32)
+        return np.asarray(number[self.label + 1])
+
     def renamed(self, names: Mapping[str, str]) -> "RegionMap":
         """The same map with other names for regions, doorways and landmarks.
 
