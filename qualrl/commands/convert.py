@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from qualrl.commands.console import PARSING, Console, guarded
-from qualrl.commands.options import AsJson, Debug, Output, Quiet, Resolution
+from qualrl.commands.options import AsJson, Debug, Output, PictureSize, Quiet, Resolution
 
 GUESSED = "start and goal are only the centres of two regions far apart"
 
@@ -17,6 +17,7 @@ def convert(
     source: Annotated[str, typer.Argument(metavar="MAP", help="A map: image, ROS map YAML, or MovingAI .map.")],
     output: Output = None,
     resolution_m: Resolution = None,
+    size: PictureSize = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -30,9 +31,11 @@ def convert(
     from qualrl.io.bundled import found
     from qualrl.io.read_map import read_map
     from qualrl.io.suggestion import suggested_scenario
+    from qualrl.report.sheet import parse_size
     from qualrl.spatial.segmentation import segment
 
     console = Console(as_json, quiet)
+    pixels = None if size is None else parse_size(size)
     path = found(source, ".yaml")
     if path.is_file() and is_scenario(path):
         raise MapError(f"{path}: is a scenario, not a map; 'qualrl run {path}' runs it")
@@ -43,7 +46,7 @@ def convert(
     scenario = suggested_scenario(regions, _map_from(path, target), resolution_m)
     model = scenario.build(regions)
     with result_folder(target) as folder:
-        names = write_map_files(folder, model, scenario)
+        names = write_map_files(folder, model, scenario, size=pixels)
     document = {**map_document(regions, model.graph), "files": file_list(target, names)}
 
     def for_people() -> None:

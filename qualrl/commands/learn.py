@@ -9,6 +9,7 @@ from qualrl.commands.options import (
     Debug,
     Episodes,
     Output,
+    PictureSize,
     Quiet,
     Radius,
     ScenarioFile,
@@ -28,6 +29,7 @@ def learn(
     settings: Settings = None,
     online: Unknown = False,
     radius: Radius = None,
+    size: PictureSize = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -39,8 +41,10 @@ def learn(
     from qualrl.commands.scenario_copy import scenario_copy
     from qualrl.commands.session import open_session, without_map
     from qualrl.commands.tables import print_files, print_learning
+    from qualrl.report.sheet import parse_size
 
     console = Console(as_json, quiet)
+    pixels = None if size is None else parse_size(size)
     opened = without_map(
         open_session(console, scenario_file, output, settings, algorithm, episodes, seed), online, radius
     )
@@ -48,7 +52,8 @@ def learn(
         training = learn_with_progress(opened.scenario, opened.model, console)
         with console.stage("solving exactly, and learning otherwise, to compare"):
             document = learn_document(training)
-        names = write_map_files(folder, training.model, scenario_copy(opened.scenario, opened.regions, opened.target))
+        copy = scenario_copy(opened.scenario, opened.regions, opened.target)
+        names = write_map_files(folder, training.model, copy, size=pixels)
         names += write_learning_files(folder, training, json.dumps(document))
     document["files"] = file_list(opened.target, names)
 

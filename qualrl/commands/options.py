@@ -23,6 +23,12 @@ Episodes = Annotated[int | None, typer.Option("--episodes", help="How many episo
 Unknown = Annotated[bool, typer.Option("--online", help="The robot does not know the map; it sees what is near.")]
 Radius = Annotated[float | None, typer.Option("--radius", metavar="METRES", help="How far it sees; implies --online.")]
 Seed = Annotated[int | None, typer.Option("--seed", help="Seed of the random stream.")]
+PictureSize = Annotated[
+    str | None,
+    typer.Option(
+        "--size", metavar="WIDTHxHEIGHT", help="Pixels of overlay.png, as 600x400; without it what suits the map."
+    ),
+]
 Resolution = Annotated[
     float | None, typer.Option("--resolution", help="Metres a pixel, for an image without a map YAML.")
 ]

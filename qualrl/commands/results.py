@@ -15,6 +15,7 @@ from qualrl.planning.plan import Plan
 from qualrl.report.growth import draw_growth
 from qualrl.report.learning_curve import draw_learning_curve
 from qualrl.report.overlay import draw_overlay
+from qualrl.report.sheet import Size
 
 MODEL_FILE, TRAINING_FILE, SCENARIO_FILE = "hybrid_mdp.npz", "training.npz", "scenario.yaml"
 MAP_FILES = ("regions.png", "overlay.png", "graph.json", "graph.graphml", MODEL_FILE, SCENARIO_FILE)
@@ -28,11 +29,17 @@ def result_folder(path: Path) -> OutputFolder:
     return OutputFolder(path, ours=(*MAP_FILES, *LEARNING_FILES, GROWTH_FILE, PLAN_FILE))
 
 
-def write_map_files(folder: OutputFolder, model: HybridMDP, scenario: Scenario, plan: Plan | None = None) -> list[str]:
-    """Write what ``convert`` writes; the overlay shows the plan's path if there is one.  Returns the names."""
+def write_map_files(
+    folder: OutputFolder, model: HybridMDP, scenario: Scenario, plan: Plan | None = None, size: Size | None = None
+) -> list[str]:
+    """Write what ``convert`` writes; the overlay shows the plan's path if there is one.  Returns the names.
+
+    size: (width, height) of the overlay in pixels.
+    """
     assert model.regions is not None
     write_label_image(model.regions.label, folder.path("regions.png"))
-    draw_overlay(model.regions, folder.path("overlay.png"), path=plan.path if plan else (), title=_title(plan))
+    path = plan.path if plan else ()
+    draw_overlay(model.regions, folder.path("overlay.png"), path=path, title=_title(plan), size=size)
     write_graph_json(model.graph, folder.path("graph.json"))
     write_graphml(model.graph, folder.path("graph.graphml"))
     write_model(model, folder.path(MODEL_FILE))

@@ -9,6 +9,7 @@ from qualrl.commands.options import (
     Debug,
     Episodes,
     Output,
+    PictureSize,
     Quiet,
     ScenarioFile,
     Seed,
@@ -24,6 +25,7 @@ def run(
     episodes: Episodes = None,
     seed: Seed = None,
     settings: Settings = None,
+    size: PictureSize = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -36,8 +38,10 @@ def run(
     from qualrl.commands.scenario_copy import scenario_copy
     from qualrl.commands.session import open_session
     from qualrl.commands.tables import print_files, print_learning, print_map, print_plan
+    from qualrl.report.sheet import parse_size
 
     console = Console(as_json, quiet)
+    pixels = None if size is None else parse_size(size)
     opened = open_session(console, scenario_file, output, settings, algorithm, episodes, seed)
     with result_folder(opened.target) as folder:
         training = learn_with_progress(opened.scenario, opened.model, console)
@@ -46,7 +50,7 @@ def run(
             plan = training.plan(farthest_start(model) if model.start is None else None)
         learned = learn_document(training)
         copy = scenario_copy(opened.scenario, opened.regions, opened.target)
-        names = write_map_files(folder, model, copy, plan)
+        names = write_map_files(folder, model, copy, plan, pixels)
         names += write_learning_files(folder, training, json.dumps(learned))
         names.append(write_plan(folder, plan))
     document = {

@@ -8,7 +8,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from qualrl.learning.growth import Growth
-from qualrl.report.overlay import PALETTE, UNKNOWN, WALL
+from qualrl.report.region_colours import PALETTE, UNKNOWN, WALL
 
 COLUMNS = 3
 

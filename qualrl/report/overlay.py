@@ -1,188 +1,282 @@
 """The overlay: the map with its regions, doors, landmarks and a path drawn over it.
 
-H, W: rows, columns of the map.  The picture has the map's orientation: row 0 on top.
+The picture has the map's orientation: row 0 on top.  Sizes and places are in pixels (see ``sheet``).
 """
 
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import numpy as np
 from matplotlib import patheffects
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from qualrl.report import furniture, region_colours
+from qualrl.report.furniture import Entry
+from qualrl.report.lettering import DPI, SMALLEST_PX, Lettering, px
+from qualrl.report.name_places import Lettered, Room, place_beside, place_names
+from qualrl.report.sheet import Sheet, Size, blank, default_size, drawn_window, em_of, lay_out
 from qualrl.spatial.occupancy_grid import Cell
-from qualrl.spatial.region_map import Region, RegionMap
+from qualrl.spatial.region_map import Doorway, RegionMap
 
-PALETTE = (
-    "#8dd3c7", "#ffed6f", "#bebada", "#fb9a8b", "#80b1d3", "#fdb462", "#b3de69", "#fccde5",
-    "#c9b29b", "#ccebc5", "#9ecae1", "#e7cb94",
-)  # fmt: skip
-WALL, UNKNOWN, DOOR = "#222222", "#d9d9d9", "#e31a1c"
-DOOR_STYLES: dict[bool, tuple[Literal["-", ":"], str]] = {False: ("-", "door"), True: (":", "opening")}
-MARKS = {
-    "corner": ("s", "#5e3c99"),
-    "junction": ("D", "#1b7837"),
-    "dead end": ("v", "#8c510a"),
-    "placed": ("o", "#5e3c99"),
-}
-WALL_M = 0.4
-"""Regions this near to each other get different colours."""
-LEAST_NAMED_PX = 24
-"""Smaller regions get no name: it would cover its neighbours'."""
+DOOR, PATH, MARK = "#b3001b", "#08306b", "#4a2c85"
+DASHES = {False: "-", True: (0, (1.6, 1.1))}
+"""Doors are drawn through, openings (borders that no wall narrows) dashed."""
+MARKERS = {"corner": "s", "junction": "D", "dead end": "v", "placed": "o", "centre": "P"}
+MARK_COLOURS = {"corner": MARK, "junction": "#1b5e20", "dead end": "#7a3e00", "placed": MARK, "centre": "#005a73"}
+OTHER_MARKERS = "^<>hXdp"
+"""For kinds of landmarks that have no marker of their own, in the order of their names."""
 MANY_MARKS = 400
 """More landmarks of a kind than this are drawn smaller."""
-LONG_SIDE_PX = (1400, 2600)
-"""The picture's longer side lies between these, whatever the map's size."""
-DPI = 100
-MARK_PX = 30
-"""A name this near to the mark of the start or of the goal would cover it."""
+MOST_WIDTHS, LEAST_WIDTHS = 150, 0.3
+"""The widths of more doors are a heap of text; if a smaller share finds room, none is written."""
 
 
-def draw_overlay(regions: RegionMap, file: Path, path: Sequence[Cell] = (), title: str = "") -> None:
-    """Write the overlay as PNG."""
-    height, width = regions.label.shape
-    long_side = float(np.clip(2 * max(height, width), *LONG_SIDE_PX))
-    scale = long_side / max(height, width)
-    size = (width * scale / DPI, height * scale / DPI + 0.9)
-    figure = Figure(figsize=size, dpi=DPI, facecolor="white")
-    FigureCanvasAgg(figure)
-    band = 0.9 / size[1]
-    axes = figure.add_axes((0.0, band / 2, 1.0, 1.0 - band))
-    axes.imshow(_colours(regions, max(1, int(max(height, width) / LONG_SIDE_PX[1]))),
-                extent=(-0.5, width - 0.5, height - 0.5, -0.5), interpolation="nearest")  # fmt: skip
-    axes.set_axis_off()
-    handles = [*_draw_doors(axes, regions), *_draw_landmarks(axes, regions), *_draw_path(axes, path)]
-    for region in regions.regions:
-        _draw_name(axes, region, scale, marks=(path[0], path[-1]) if path else ())
-    _draw_scale(axes, regions)
-    figure.text(0.01, 1 - band / 4, title, va="center", fontsize=13)
-    if handles:
-        figure.legend(handles=handles, loc="lower right", ncols=len(handles), frameon=False, fontsize=10)
-    with warnings.catch_warnings():
-        warnings.filterwarnings(
-            "ignore", message="Glyph .* missing"
-        )  # the font lacks a script; names stay right elsewhere
-        figure.savefig(file, dpi=DPI, metadata={"Software": None})
+def draw_overlay(
+    regions: RegionMap, file: Path, path: Sequence[Cell] = (), title: str = "", size: Size | None = None
+) -> None:
+    """Write the overlay as PNG.  size: (width, height) in pixels; without it one that suits the map."""
+    overlay_figure(regions, path, title, size).savefig(file, dpi=DPI, metadata={"Software": None})
 
 
-def _colours(regions: RegionMap, step: int) -> NDArray[np.float64]:
-    """(H, W, 3) colours, every ``step``-th cell."""
-    table = [to_rgb(PALETTE[number]) for number in _colour_numbers(regions)] + [to_rgb(UNKNOWN), to_rgb(WALL)]
-    index = np.where(regions.label >= 0, regions.label, np.where(regions.grid.occupied, -1, -2))
-    return np.array(table)[index[::step, ::step]]
+def overlay_figure(
+    regions: RegionMap, path: Sequence[Cell] = (), title: str = "", size: Size | None = None
+) -> Figure:  # fmt: skip
+    """The overlay as a figure whose units are pixels."""
+    letters = Lettering([title, *regions.all_names])
+    window = drawn_window(regions.grid)
+    around = size or default_size(*(side.stop - side.start for side in window))
+    em = em_of(*around)
+    lines = 1 if around[0] > 1000 else 2
+    legend = furniture.flow(_entries(regions, path, em), *_beside_scale(around, em), em, letters)
+    head = 1.9 * em if title else 0.3 * em
+    foot = (furniture.ROW_EM * max(legend.rows, 2) + 1.25 * lines + 0.5) * em
+    page = size or (around[0], around[1] + round(head + foot))
+    sheet = lay_out(window, page, head, foot, em)
+    figure, axes = blank(page)
+    caption = _draw_map(axes, regions, path, sheet, letters)
+    below = page[1] - foot
+    _draw_around(axes, regions, sheet, letters, legend, below)
+    if title:
+        _draw_title(axes, title, sheet, letters)
+    small = max(SMALLEST_PX, 0.8 * em)
+    under = below + furniture.ROW_EM * max(legend.rows, 2) * em
+    for row, line in enumerate(furniture.wrap(caption, small, page[0] - 1.4 * em, lines, letters)):
+        letters.write(axes, 0.7 * em, under + (0.7 + 1.2 * row) * em, line, small, centred=False)
+    return figure
 
 
-def _colour_numbers(regions: RegionMap) -> list[int]:
-    """A colour for each region: not that of one behind a door or a wall, and of the rest the least used."""
-    neighbours = _neighbours(regions)
-    numbers: list[int] = []
-    used = [0] * len(PALETTE)
-    for index in range(len(regions.regions)):
-        taken = {numbers[other] for other in neighbours[index] if other < index}
-        number = min(range(len(PALETTE)), key=lambda colour: (colour in taken, used[colour], colour))
-        used[number] += 1
-        numbers.append(number)
-    return numbers
+def _beside_scale(size: Size, em: float) -> tuple[float, float]:
+    """From where to where the legend reaches: right of the longest scale bar, its text and the arrow."""
+    return furniture.BAR_SHARE * size[0] + 8.2 * em, size[0]
 
 
-def _neighbours(regions: RegionMap) -> list[set[int]]:
-    """For each region those within a wall's thickness, straight up, down, left or right."""
-    neighbours: list[set[int]] = [set() for _ in regions.regions]
-    count = len(regions.regions)
-    step = max(1, max(regions.label.shape) // LONG_SIDE_PX[1])
-    label = regions.label[::step, ::step]
-    wall = max(1, round(WALL_M / (regions.grid.resolution_m * step)))
-    for shift in sorted({1, max(1, wall // 2), wall}):
-        for here, there in ((label[shift:], label[:-shift]), (label[:, shift:], label[:, :-shift])):
-            apart = (here != there) & (here >= 0) & (there >= 0)
-            pairs = np.unique(here[apart].astype(np.int64) * count + there[apart])
-            for pair in pairs.tolist():
-                neighbours[pair // count].add(pair % count)
-                neighbours[pair % count].add(pair // count)
-    return neighbours
+def _draw_map(axes: Axes, regions: RegionMap, path: Sequence[Cell], sheet: Sheet, letters: Lettering) -> list[str]:
+    """All that lies on the map.  Returns what the caption has to say of it."""
+    image = region_colours.region_image(regions, sheet.window, sheet.map_height, sheet.map_width)
+    sides = (sheet.left, sheet.left + sheet.map_width, sheet.top + sheet.map_height, sheet.top)
+    axes.imshow(image, extent=sides, interpolation="nearest", aspect="auto")
+    axes.set(xlim=(0, sheet.width), ylim=(sheet.height, 0))
+    room = Room(regions, sheet)
+    chords = [chord_of(door, regions, sheet) for door in regions.doorways]
+    _draw_doors(axes, regions, chords, sheet, room)
+    _draw_landmarks(axes, regions, sheet, room)
+    _draw_path(axes, path, sheet, room)
+    names = place_names(regions, room, letters)
+    widths = _place_widths(regions, chords, room, letters)
+    marks = _place_marks(regions, room, letters)
+    for one in [*names.values(), *widths, *marks]:
+        letters.write(axes, one.x, one.y, one.text, one.size, upright=one.upright, halo_px=0.22 * one.size)
+    return _caption(regions, names, len(widths), letters)
 
 
-def _draw_doors(axes: Axes, regions: RegionMap) -> list[Artist]:
-    """Doors as chords; openings, the borders that no wall narrows, dotted."""
-    handles: list[Artist] = []
-    for is_open, (style, kind) in DOOR_STYLES.items():
-        doors = [door for door in regions.doorways if door.is_open == is_open]
-        if doors:
-            ends = np.array([door.ends for door in doors], float)[:, :, ::-1]
-            single = (ends[:, 0] == ends[:, 1]).all(axis=1)  # a door of one cell is a mark as wide as it
-            ends[single] += np.array([[-0.3, 0.0], [0.3, 0.0]])
-            axes.add_collection(LineCollection(list(ends), colors=DOOR, linestyles=style, linewidths=3))
-            handles.append(Line2D([], [], color=DOOR, linestyle=style, linewidth=3, label=kind))
-    return handles
+def chord_of(door: Doorway, regions: RegionMap, sheet: Sheet) -> NDArray[np.float64]:
+    """(2, 2) x, y of the ends of a doorway's chord, on the outer sides of its end cells."""
+    ends = np.array(door.ends, np.float64)
+    reach = ends[1] - ends[0]
+    if not reach.any():  # a single cell: the chord goes from wall to wall
+        row, column = door.ends[0]
+        beside = regions.label[row, max(column - 1, 0) : column + 2]
+        reach = np.array([0.0, 1.0]) if (beside < 0).any() else np.array([1.0, 0.0])
+    reach = reach / np.hypot(*reach) / 2
+    return np.array([sheet.at(*(ends[0] - reach)), sheet.at(*(ends[1] + reach))])
 
 
-def _draw_landmarks(axes: Axes, regions: RegionMap) -> list[Artist]:
-    handles: list[Artist] = []
-    for kind, (marker, colour) in MARKS.items():
-        cells = np.array([mark.cell for mark in regions.landmarks if mark.kind == kind]).reshape(-1, 2)
-        if len(cells):
-            size = 5 if len(cells) <= MANY_MARKS else 2
-            drawn = axes.plot(cells[:, 1], cells[:, 0], marker, color=colour, markersize=size, alpha=0.8, label=kind)
-            handles.extend(drawn)
-    return handles
+def _draw_doors(
+    axes: Axes, regions: RegionMap, chords: Sequence[NDArray[np.float64]], sheet: Sheet, room: Room
+) -> None:  # fmt: skip
+    casing: list[patheffects.AbstractPathEffect] = [
+        patheffects.withStroke(linewidth=px(_door_px(sheet.em) + 2), foreground="white")
+    ]
+    for is_open, dashes in DASHES.items():
+        drawn = [chord for chord, door in zip(chords, regions.doorways, strict=True) if door.is_open == is_open]
+        if drawn:
+            width = px(_door_px(sheet.em) * (0.75 if is_open else 1.0))
+            lines = LineCollection(drawn, colors=DOOR, linestyles=[dashes], linewidths=width, zorder=3, gid="doors")
+            if len(drawn) <= MANY_MARKS:
+                lines.set_path_effects(casing)
+            axes.add_collection(lines, autolim=False)
+            room.mark_lines(drawn, _door_px(sheet.em) / 2 + 1)
 
 
-def _draw_path(axes: Axes, path: Sequence[Cell]) -> list[Artist]:
+def _door_px(em: float) -> float:
+    return 0.24 * em
+
+
+def _style(kind: str, kinds: Sequence[str]) -> tuple[str, str]:
+    """Marker and colour of a kind of landmark."""
+    others = [other for other in kinds if other not in MARKERS]
+    marker = MARKERS.get(kind) or OTHER_MARKERS[others.index(kind) % len(OTHER_MARKERS)]
+    return marker, MARK_COLOURS.get(kind, MARK)
+
+
+def _kinds(regions: RegionMap) -> list[str]:
+    """Kinds of the landmarks that are drawn as marks, by name; doorways are drawn as chords."""
+    return sorted({mark.kind for mark in regions.landmarks if mark.kind != "doorway"})
+
+
+def _draw_landmarks(axes: Axes, regions: RegionMap, sheet: Sheet, room: Room) -> None:
+    kinds = _kinds(regions)
+    for kind in kinds:
+        places = np.array([sheet.at(*mark.cell) for mark in regions.landmarks if mark.kind == kind])
+        size = (0.42 if len(places) <= MANY_MARKS else 0.25) * sheet.em
+        marker, colour = _style(kind, kinds)
+        axes.plot(
+            places[:, 0], places[:, 1], marker, color=colour, markersize=px(size), markeredgecolor="white",
+            markeredgewidth=0.4, zorder=4, gid=kind,
+        )  # fmt: skip
+        room.mark(places, size / 2)
+
+
+def _draw_path(axes: Axes, path: Sequence[Cell], sheet: Sheet, room: Room) -> None:
     if not path:
-        return []
-    cells = np.array(path)
-    axes.plot(cells[:, 1], cells[:, 0], color="#08306b", linewidth=2.5)
-    axes.plot(*cells[0][::-1], "o", color="#08306b", markersize=11, markerfacecolor="white", markeredgewidth=3)
-    axes.plot(*cells[-1][::-1], "*", color="#08306b", markersize=20)
+        return
+    places = np.array([sheet.at(*cell) for cell in path])
+    axes.plot(places[:, 0], places[:, 1], color=PATH, linewidth=px(0.2 * sheet.em), zorder=4.5)
+    for place, style in zip((places[:1], places[-1:]), (_start(sheet.em), _goal(sheet.em)), strict=True):
+        axes.plot(place[:, 0], place[:, 1], zorder=5, **style)
+        room.mark(place, 0.75 * sheet.em, hard=True)
+    room.mark_lines([places], 0.15 * sheet.em, hard=False)
+
+
+def _start(em: float) -> dict[str, Any]:
+    return {
+        "color": PATH, "marker": "o", "linestyle": "none", "markersize": px(0.9 * em), "markerfacecolor": "white",
+        "markeredgewidth": px(0.2 * em),
+    }  # fmt: skip
+
+
+def _goal(em: float) -> dict[str, Any]:
+    return {
+        "color": PATH, "marker": "*", "linestyle": "none", "markersize": px(1.5 * em), "markeredgecolor": "white",
+        "markeredgewidth": px(0.06 * em),
+    }  # fmt: skip
+
+
+def _place_widths(
+    regions: RegionMap, chords: Sequence[NDArray[np.float64]], room: Room, letters: Lettering
+) -> list[Lettered]:
+    """The widths of doors in metres, of those that have room beside them."""
+    size = max(SMALLEST_PX, 0.7 * room.sheet.em)
+    gap = _door_px(room.sheet.em) / 2 + 4
+    found = [
+        place_beside(
+            f"{door.width_m:.2f} m", size, chord.mean(axis=0), (chord[1] - chord[0]) / 2, door.pair, room, letters, gap
+        )
+        for door, chord in zip(regions.doorways, chords, strict=True)
+        if len(chords) <= MOST_WIDTHS
+    ]
+    placed = [place for place in found if place is not None]
+    return placed if len(placed) >= LEAST_WIDTHS * len(chords) else []
+
+
+def _place_marks(regions: RegionMap, room: Room, letters: Lettering) -> list[Lettered]:
+    """The names of landmarks that the user placed."""
+    size = max(SMALLEST_PX, 0.75 * room.sheet.em)
+    found = [
+        place_beside(
+            letters.writable(mark.name), size, np.array(room.sheet.at(*mark.cell)), np.zeros(2), mark.regions,
+            room, letters, 0.3 * room.sheet.em + 2,
+        )
+        for mark in regions.landmarks
+        if mark.kind == "placed"
+    ]  # fmt: skip
+    return [place for place in found if place is not None]
+
+
+def _entries(regions: RegionMap, path: Sequence[Cell], em: float) -> list[Entry]:
+    """The legend: what occurs on this map, and nothing else."""
+    entries = [
+        Entry(name, {"color": DOOR, "linestyle": DASHES[is_open], "linewidth": px(_door_px(em))})
+        for name, is_open in (("door", False), ("opening", True))
+        if any(door.is_open == is_open for door in regions.doorways)
+    ]
+    kinds = _kinds(regions)
+    for kind in kinds:
+        marker, colour = _style(kind, kinds)
+        entries.append(
+            Entry(kind, {"color": colour, "marker": marker, "linestyle": "none", "markersize": px(0.5 * em)})
+        )
+    if path:
+        entries.append(Entry("path", {"color": PATH, "linewidth": px(0.2 * em)}))
+        entries += [Entry("start", _start(em)), Entry("goal", _goal(em))]
+    square = {"marker": "s", "linestyle": "none", "markersize": px(0.9 * em), "markeredgewidth": px(1.0)}
+    if any(region.kind == "pocket" for region in regions.regions):
+        striped = {"fillstyle": "top", "markerfacecolor": "white", "markerfacecoloralt": region_colours.UNKNOWN}
+        entries.append(Entry("pocket", {"color": "#777777", **square, **striped}))
+    if not (regions.grid.free | regions.grid.occupied).all():
+        entries.append(Entry("unknown", {"color": region_colours.UNKNOWN, **square}))
+    return entries
+
+
+def _draw_around(
+    axes: Axes, regions: RegionMap, sheet: Sheet, letters: Lettering, legend: furniture.Legend, top: float
+) -> None:
+    """Scale bar, north arrow and legend, in the rows below the map."""
+    middle = top + furniture.ROW_EM * sheet.em
+    end = furniture.draw_scale(axes, sheet, regions.grid.resolution_m, middle, letters)
+    furniture.draw_north(axes, regions.grid, end + 1.9 * sheet.em, middle, sheet.em, letters)
+    furniture.draw_legend(
+        axes, legend, top + (0 if legend.rows > 1 else 0.5) * furniture.ROW_EM * sheet.em, sheet.em, letters
+    )
+
+
+def _draw_title(axes: Axes, title: str, sheet: Sheet, letters: Lettering) -> None:
+    text, size = letters.fitted(letters.writable(title), 1.1 * sheet.em, sheet.width - 1.4 * sheet.em)
+    letters.write(axes, 0.7 * sheet.em, 0.95 * sheet.em, text, size, centred=False)
+
+
+def _caption(regions: RegionMap, names: dict[int, Lettered], widths: int, letters: Lettering) -> list[str]:
+    """What the picture leaves out, and what its short names mean."""
+    shortened = {
+        index: one.text for index, one in names.items() if one.text.replace("\n", " ") != regions.regions[index].name
+    }
+    left_out = [region for index, region in enumerate(regions.regions) if index not in names]
+    pockets = sum(region.kind == "pocket" for region in left_out)
+    counts = [
+        f"{count:,} {what}{'' if count == 1 else 's'}"
+        for count, what in ((len(left_out) - pockets, "region"), (pockets, "pocket"))
+        if count
+    ]
+    without = len(regions.doorways) - widths
     return [
-        Line2D([], [], color="#08306b", linewidth=2.5, label="path"),
-        Line2D([], [], color="#08306b", marker="o", markerfacecolor="white", linestyle="none", label="start"),
-        Line2D([], [], color="#08306b", marker="*", markersize=12, linestyle="none", label="goal"),
+        ", ".join(f"{short} = {letters.writable(name)}" for short, name in _examples(regions, shortened)),
+        f"without a name here: {', '.join(counts)}" if counts else "",
+        f"without a width: {without} of {len(regions.doorways)} doors" if without and widths else "",
     ]
 
 
-def _draw_name(axes: Axes, region: Region, scale: float, marks: Sequence[Cell]) -> None:
-    """At the region's centre, or above a mark there."""
-    across_px = float(np.sqrt(region.cells)) * scale
-    if region.kind == "pocket" or across_px < LEAST_NAMED_PX:
-        return
-    size = float(np.clip(across_px / len(region.name) * 0.9, 7, 15))
-    row, column = region.centre
-    covers = any(max(abs(row - r), abs(column - c)) * scale < MARK_PX for r, c in marks)
-    text = axes.annotate(
-        region.name, (column, row), (0, 14 if covers else 0), textcoords="offset points", ha="center",
-        va="bottom" if covers else "center", fontsize=size, color="black", zorder=5,
-    )  # fmt: skip
-    text.set_path_effects([patheffects.withStroke(linewidth=2.5, foreground="white", alpha=0.85)])
-
-
-def _draw_scale(axes: Axes, regions: RegionMap) -> None:
-    """A bar of a round length, and an arrow to the map's north (world y) when the map is turned."""
-    height, width = regions.label.shape
-    span_m = width * regions.grid.resolution_m
-    length_m = 10.0 ** np.floor(np.log10(span_m / 4))
-    length_m *= max(k for k in (1, 2, 5) if k * length_m <= span_m / 4)
-    end = 0.02 + length_m / span_m
-    axes.plot([0.02, end], [-0.012] * 2, color="black", linewidth=3, transform=axes.transAxes, clip_on=False)
-    axes.text(end + 0.01, -0.012, f"{length_m:g} m", va="center", fontsize=10, transform=axes.transAxes)
-    yaw = regions.grid.origin[2]
-    shape = np.array([width, height]) / max(width, height)
-    tip = np.array([np.sin(yaw), np.cos(yaw)]) * 0.03 / shape
-    foot = np.array([0.97, 0.93])
-    arrow = axes.annotate(
-        "N", xy=tuple(foot + tip), xytext=tuple(foot - tip), xycoords="axes fraction", ha="center", va="center",
-        fontsize=12, fontweight="bold", arrowprops={"arrowstyle": "-|>", "color": "black"},
-    )  # fmt: skip
-    halo = patheffects.withStroke(linewidth=3, foreground="white")
-    arrow.set_path_effects([halo])
-    if arrow.arrow_patch is not None:
-        arrow.arrow_patch.set_path_effects([halo])
+def _examples(regions: RegionMap, shortened: dict[int, str]) -> list[tuple[str, str]]:
+    """Of each kind's short names the first, and every number that stands for a name."""
+    seen: set[str] = set()
+    examples = []
+    for index, short in sorted(shortened.items()):
+        region = regions.regions[index]
+        if short == str(index + 1) or region.kind not in seen:
+            examples.append((short, region.name))
+        if short != str(index + 1):
+            seen.add(region.kind)
+    return examples

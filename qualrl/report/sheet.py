@@ -1,0 +1,105 @@
+"""The sheet of paper that a map is drawn on: where things are, in pixels from the top left corner."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from qualrl.errors import SettingError
+from qualrl.report.lettering import DPI
+from qualrl.spatial.occupancy_grid import OccupancyGrid
+
+Size = tuple[int, int]
+"""(width, height) of a picture in pixels."""
+SMALLEST, LARGEST = 200, 10_000
+"""Sides of a picture that may be asked for, in pixels."""
+LONG_SIDE_PX = (1400, 2600)
+"""A map's longer side is drawn between these, whatever its size, unless the user asks for another."""
+MARGIN = 0.02
+"""So much is drawn around the free cells, as a share of their longer side."""
+LEAST_WIDE_PX = 700
+"""A narrow map's sheet is this wide, so that the legend has room."""
+
+
+def parse_size(text: str) -> Size:
+    """Width and height in pixels from WIDTHxHEIGHT; raises SettingError.
+
+    >>> parse_size("600x400")
+    (600, 400)
+    """
+    match = re.fullmatch(r"(\d{1,9})\s*[xX]\s*(\d{1,9})", text.strip())
+    if match is None:
+        raise SettingError(f"--size: {text!r} is not WIDTHxHEIGHT in pixels, as 600x400")
+    size = int(match[1]), int(match[2])
+    if not all(SMALLEST <= side <= LARGEST for side in size):
+        raise SettingError(f"--size: each side must be from {SMALLEST} to {LARGEST} pixels, got {text}")
+    return size
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """Sizes in pixels; x grows to the right, y downwards.  The map keeps its proportions and its orientation."""
+
+    width: int
+    height: int
+    em: float
+    """Size of ordinary text."""
+    left: int
+    top: int
+    map_width: int
+    map_height: int
+    scale: float
+    """Pixels a cell."""
+    window: tuple[slice, slice]
+    """Rows and columns of the map that are drawn."""
+
+    def at(self, row: float, column: float) -> tuple[float, float]:
+        """(x, y) of the middle of a cell."""
+        across, down = column + 0.5 - self.window[1].start, row + 0.5 - self.window[0].start
+        return self.left + across * self.scale, self.top + down * self.scale
+
+
+def default_size(rows: int, columns: int) -> Size:
+    """(width, height) of a map of so many cells when nobody asks: small maps are blown up, huge ones shrunk."""
+    long_side = float(np.clip(2 * max(rows, columns), *LONG_SIDE_PX))
+    scale = long_side / max(rows, columns)
+    return max(round(columns * scale), LEAST_WIDE_PX), max(round(rows * scale), 1)
+
+
+def em_of(width: int, height: int) -> float:
+    """Size of ordinary text in a picture of that size, in pixels."""
+    return float(np.clip(8 + 0.007 * np.sqrt(width * height), 10, 30))
+
+
+def drawn_window(grid: OccupancyGrid) -> tuple[slice, slice]:
+    """Rows and columns of the part of a map that has free cells, with a margin: the rest would only take room."""
+    spans = [np.flatnonzero(grid.free.any(axis=axis)) for axis in (1, 0)]
+    margin = 2 + int(MARGIN * max(int(span[-1] - span[0]) for span in spans))
+    rows, columns = (
+        slice(max(0, int(span[0]) - margin), min(side, int(span[-1]) + 1 + margin))
+        for span, side in zip(spans, grid.shape, strict=True)
+    )
+    return rows, columns
+
+
+def lay_out(window: tuple[slice, slice], size: Size, head: float, foot: float, em: float) -> Sheet:
+    """The map as large as it gets, in the middle between ``head`` pixels at the top and ``foot`` at the bottom."""
+    rows, columns = (side.stop - side.start for side in window)
+    room = max(size[0] - 2, 1), max(size[1] - head - foot, 1)
+    scale = min(room[0] / columns, room[1] / rows)
+    map_width, map_height = max(round(columns * scale), 1), max(round(rows * scale), 1)
+    left, top = (size[0] - map_width) // 2, round(head + (room[1] - map_height) / 2)
+    return Sheet(*size, em, left, top, map_width, map_height, scale, window)
+
+
+def blank(size: Size) -> tuple[Figure, Axes]:
+    """A white figure of that size and axes over all of it, whose units are pixels from the top left corner."""
+    figure = Figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI, facecolor="white")
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set_axis_off()
+    axes.set(xlim=(0, size[0]), ylim=(size[1], 0), autoscale_on=False)
+    return figure, axes
