@@ -217,6 +217,8 @@ WRONG = {
     "printable": ("run", "rooms.scenario.yaml", "--set", 'names={room A: "A\\x1b]0;x"}'),
     "values would exceed": ("run", "rooms.scenario.yaml", "--set", "reward.step=-1e308"),
     "resolution must be": ("convert", "rooms.png", "--resolution", "1e-320"),
+    "--size: '600' is not WIDTHxHEIGHT": ("convert", "rooms.png", "--size", "600"),
+    "each side must be from 200": ("run", "rooms.scenario.yaml", "--size", "10x400"),
     "no such command 'lern'": ("lern",),
     "no such option: --hurry": ("run", "--hurry"),
 }

@@ -109,7 +109,7 @@ def place_names(regions: RegionMap, room: Room, letters: Lettering) -> dict[int,
             continue
         region = regions.regions[index]
         texts = [region.name] if letters.can_write(region.name) else []
-        if region.kind != "pocket" and len(short[index]) < len(region.name):
+        if region.kind != "pocket" and (not texts or len(short[index]) < len(region.name)):
             texts.append(short[index])
         found = _place(region, index, texts, (box[0], box[1]), room, letters)
         if found is not None:

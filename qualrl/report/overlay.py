@@ -119,7 +119,7 @@ def _draw_doors(
             if len(drawn) <= MANY_MARKS:
                 lines.set_path_effects(casing)
             axes.add_collection(lines, autolim=False)
-            room.mark_lines(drawn, _door_px(sheet.em) / 2 + 1)
+            room.mark_lines(drawn, _door_px(sheet.em) / 2)
 
 
 def _door_px(em: float) -> float:
