@@ -18,7 +18,9 @@ from qualrl.spatial.region_map import Region, RegionMap
 
 MOST_NAMES = 400
 """More names than this are a heap of text: the largest regions have theirs."""
-LARGEST_EM, SIZES = 1.3, 5
+SPECK_EM = 0.5
+"""Furniture smaller than this does not keep names away."""
+LARGEST_EM, SIZES = 1.5, 5
 """Names are tried from this many em down to the smallest size that can be read, in so many steps."""
 LONGEST_LETTERS = 3
 """A text of so few letters is never upright: an N would be a Z."""
@@ -77,13 +79,17 @@ class Room:
         """Take the place of a text with its middle there."""
         self.taken[self._slices(x, y, box)] = True
 
-    def free(self, x: float, y: float, box: Box, on: Sequence[int]) -> bool:
-        """Whether a text there lies on the map, covers no other, and nothing but those regions (-1: walls)."""
+    def free(self, x: float, y: float, box: Box, on: Sequence[int], over_marks: bool) -> bool:
+        """Whether a text there lies on the map, covers no other, and nothing but those regions (-1: walls).
+
+        over_marks: whether it may cover landmarks and the path.
+        """
         left, top = x - self.sheet.left - box[0] / 2, y - self.sheet.top - box[1] / 2
         if left < 0 or top < 0 or left + box[0] > self.label.shape[1] or top + box[1] > self.label.shape[0]:
             return False
         at = self._slices(x, y, box)
-        return not self.taken[at].any() and bool(np.isin(self.label[at], on).all())
+        covers = self.taken[at].any() or (not over_marks and self.marked[at].any())
+        return not covers and bool(np.isin(self.label[at], on).all())
 
     def _slices(self, x: float, y: float, box: Box) -> tuple[slice, slice]:
         middle = y - self.sheet.top, x - self.sheet.left
@@ -127,7 +133,7 @@ def _place(
     top, left = max(0, box[0].start - spread), max(0, box[1].start - spread)
     window = np.s_[top : box[0].stop + spread, left : box[1].stop + spread]
     label, taken = room.label[window], room.taken[window]
-    own = label == index
+    own = _without_specks(label == index, label, round(SPECK_EM * room.sheet.em))
     x, y = room.sheet.at(*region.centre)
     centre = (y - room.sheet.top - top, x - room.sheet.left - left)
     apart = np.asarray(cv2.distanceTransform(np.pad(own, 1).astype(np.uint8), cv2.DIST_L2, 3))[1:-1, 1:-1]
@@ -154,6 +160,12 @@ def _place(
                     at = (room.sheet.left + left + spot[1] + 0.5, room.sheet.top + top + spot[0] + 0.5)
                     return Lettered(written, *at, size, upright)
     return None
+
+
+def _without_specks(own: Mask, label: NDArray[np.int32], size_px: int) -> Mask:
+    """A region with what is neither its own nor another's filled where that is small, as the legs of chairs are."""
+    filled = cv2.morphologyEx(own.view(np.uint8), cv2.MORPH_CLOSE, np.ones((size_px, size_px), np.uint8))
+    return own | ((filled > 0) & (label < 0))
 
 
 def _ways(text: str, em: float, letters: Lettering) -> list[tuple[float, str, bool, Box]]:
@@ -212,11 +224,11 @@ def place_beside(
     along = reach / length if length > 0 else np.array([1.0, 0.0])
     across = np.array([-along[1], along[0]])
     ways = ((across, 0.0), (-across, 0.0), (along, length), (-along, length))
-    for covered in (on, (-1, *on)):
+    for over_marks, covered in ((False, on), (False, (-1, *on)), (True, (-1, *on))):
         for way, start in ways:
             out = start + gap_px + abs(way[0]) * box[0] / 2 + abs(way[1]) * box[1] / 2
             x, y = (middle + way * out).tolist()
-            if room.free(x, y, box, covered):
+            if room.free(x, y, box, covered, over_marks):
                 room.take(x, y, box)
                 return Lettered(text, x, y, size)
     return None
