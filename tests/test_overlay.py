@@ -84,7 +84,7 @@ def test_pictures_have_the_size_asked_for(office, tmp_path, size):
 def test_names_stand_on_their_own_regions(office):
     """At full size each region has its whole name, and its text's middle lies in the region."""
     figure = overlay_figure(office, size=(2000, 2000))
-    sheet = lay_out(drawn_window(office.grid), (2000, 2000), *_head_and_foot(figure), em=1.0)
+    sheet = lay_out(drawn_window(office), (2000, 2000), *_head_and_foot(figure), em=1.0)
     written = {text.get_text().replace("\n", " "): text.get_position() for text in texts_of(figure)}
     for index, region in enumerate(office.regions):
         x, y = written[region.name]
@@ -142,7 +142,7 @@ def test_the_scale_bar_is_as_long_as_it_says(size, resolution_m):
     length_px = max(bar.get_xdata()) - min(bar.get_xdata())
     text = next(text.get_text() for text in axes.texts if text.get_gid() == "scale text")
     left, right, *_ = axes.images[0].get_extent()
-    columns = drawn_window(regions.grid)[1]
+    columns = drawn_window(regions)[1]
     px_per_cell = (right - left) / (columns.stop - columns.start)
     assert length_px == pytest.approx(float(text.split()[0]) / resolution_m * px_per_cell, rel=0.01)
 
@@ -158,7 +158,7 @@ def test_round_lengths():
 def test_doors_are_chords_from_wall_to_wall():
     """TWO_ROOMS has a door of one cell; its chord is a cell long and lies in the wall."""
     regions = qualrl.segment(grid_of(TWO_ROOMS))
-    sheet = lay_out(drawn_window(regions.grid), (1900, 900), 0.0, 0.0, em=10.0)
+    sheet = lay_out(drawn_window(regions), (1900, 900), 0.0, 0.0, em=10.0)
     (door,) = regions.doorways
     chord = chord_of(door, regions, sheet)
     assert np.hypot(*(chord[1] - chord[0])) == pytest.approx(sheet.scale)
@@ -191,6 +191,17 @@ def test_hundreds_of_small_regions_are_no_heap_of_text():
     words = [text.get_text() for text in texts_of(figure)]
     assert len(words) < 30
     assert any(f"without a name here: {len(regions.regions):,} regions" in word for word in words)
+
+
+def test_far_pockets_and_unknown_take_no_room_but_a_path_does():
+    """A room in the corner of a large unknown map fills the picture; a path from a far pocket is drawn with it."""
+    free = np.zeros((300, 300), np.bool_)
+    free[20:60, 30:90], free[290:292, 290:292] = True, True
+    regions = qualrl.segment(OccupancyGrid(free, np.zeros_like(free), 0.05))
+    rows, columns = drawn_window(regions)
+    assert 10 < rows.start < 20
+    assert 90 < columns.stop < 100
+    assert drawn_window(regions, path=[(291, 291)])[0].stop > 291
 
 
 def test_short_names_tell_kinds_apart():

@@ -47,7 +47,7 @@ def overlay_figure(
 ) -> Figure:  # fmt: skip
     """The overlay as a figure whose units are pixels."""
     letters = Lettering([title, *regions.all_names])
-    window = drawn_window(regions.grid)
+    window = drawn_window(regions, path)
     around = size or default_size(*(side.stop - side.start for side in window))
     em = em_of(*around)
     lines = 1 if around[0] > 1000 else 2
@@ -141,7 +141,8 @@ def _kinds(regions: RegionMap) -> list[str]:
 def _draw_landmarks(axes: Axes, regions: RegionMap, sheet: Sheet, room: Room) -> None:
     kinds = _kinds(regions)
     for kind in kinds:
-        places = np.array([sheet.at(*mark.cell) for mark in regions.landmarks if mark.kind == kind])
+        marks = [mark for mark in regions.landmarks if mark.kind == kind and sheet.shows(mark.cell)]
+        places = np.array([sheet.at(*mark.cell) for mark in marks]).reshape(-1, 2)
         size = (0.42 if len(places) <= MANY_MARKS else 0.25) * sheet.em
         marker, colour = _style(kind, kinds)
         axes.plot(

@@ -1,6 +1,7 @@
 """The sheet of paper that a map is drawn on: where things are, in pixels from the top left corner."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,8 @@ from matplotlib.figure import Figure
 
 from qualrl.errors import SettingError
 from qualrl.report.lettering import DPI
-from qualrl.spatial.occupancy_grid import OccupancyGrid
+from qualrl.spatial.occupancy_grid import Cell
+from qualrl.spatial.region_map import RegionMap
 
 Size = tuple[int, int]
 """(width, height) of a picture in pixels."""
@@ -19,7 +21,7 @@ SMALLEST, LARGEST = 200, 10_000
 LONG_SIDE_PX = (1400, 2600)
 """A map's longer side is drawn between these, whatever its size, unless the user asks for another."""
 MARGIN = 0.02
-"""So much is drawn around the free cells, as a share of their longer side."""
+"""So much is drawn around the regions, as a share of their longer side."""
 LEAST_WIDE_PX = 700
 """A narrow map's sheet is this wide, so that the legend has room."""
 
@@ -56,6 +58,10 @@ class Sheet:
     window: tuple[slice, slice]
     """Rows and columns of the map that are drawn."""
 
+    def shows(self, cell: Cell) -> bool:
+        """Whether a cell lies on the part of the map that is drawn."""
+        return all(side.start <= at < side.stop for at, side in zip(cell, self.window, strict=True))
+
     def at(self, row: float, column: float) -> tuple[float, float]:
         """(x, y) of the middle of a cell."""
         across, down = column + 0.5 - self.window[1].start, row + 0.5 - self.window[0].start
@@ -74,13 +80,20 @@ def em_of(width: int, height: int) -> float:
     return float(np.clip(8 + 0.007 * np.sqrt(width * height), 10, 30))
 
 
-def drawn_window(grid: OccupancyGrid) -> tuple[slice, slice]:
-    """Rows and columns of the part of a map that has free cells, with a margin: the rest would only take room."""
-    spans = [np.flatnonzero(grid.free.any(axis=axis)) for axis in (1, 0)]
+def drawn_window(regions: RegionMap, path: Sequence[Cell] = ()) -> tuple[slice, slice]:
+    """Rows and columns of the part of a map with its regions and the path, with a margin.
+
+    The unknown around it, and the pockets that noise leaves there, would only take room.
+    """
+    is_shown = np.array([*(region.kind != "pocket" for region in regions.regions), False])
+    shown = is_shown[regions.label] if is_shown.any() else regions.grid.free.copy()  # label -1 reads the last entry
+    for cell in path:
+        shown[cell] = True
+    spans = [np.flatnonzero(shown.any(axis=axis)) for axis in (1, 0)]
     margin = 2 + int(MARGIN * max(int(span[-1] - span[0]) for span in spans))
     rows, columns = (
         slice(max(0, int(span[0]) - margin), min(side, int(span[-1]) + 1 + margin))
-        for span, side in zip(spans, grid.shape, strict=True)
+        for span, side in zip(spans, regions.grid.shape, strict=True)
     )
     return rows, columns
 
