@@ -23,7 +23,7 @@ from qualrl.kernels.trees import Trees
 from qualrl.spatial.distance import distance_within
 from qualrl.spatial.straightening import straightened
 from qualrl.spatial.view import View, flat_zones, local_thickness_of
-from qualrl.spatial.wall_lines import WallLines, find_wall_lines
+from qualrl.spatial.wall_lines import WallLines, find_wall_lines, walls_of
 
 PINCH, STEP = 0.85, 0.8
 """See ``kernels.regions.flat_zones``."""
@@ -85,11 +85,12 @@ def unpacked(stored: dict[str, NDArray[np.generic]]) -> Trees:
 def zone_graph_of(view: View, occupied: Flags) -> ZoneGraph:
     """The zones of a view, unmerged."""
     clear = view.distance > 0
-    lines = find_wall_lines(occupied, clear, view.cell_m)
+    wall = walls_of(occupied, clear)
+    lines = find_wall_lines(wall, clear, view.cell_m)
     zone = _zones(view, clear & (lines.line < 0))
     count = int(zone.max()) + 1
     ends = zone_kernels.crossings(zone)
-    places = _places(zone, count, view, occupied, lines)
+    places = _places(zone, count, view, wall, lines)
     np.add.at(places.sums[:, kernels.TOUCHING], zone.ravel()[ends].ravel(), view.cell_m)
     bonds = _bonds(zone, count, ends, view, lines)
     walls, unknown, area = (places.sums[:, column].sum() for column in (kernels.WALLS, kernels.UNKNOWN, kernels.AREA))
@@ -113,7 +114,7 @@ def _zones(view: View, cut: Flags) -> Labels:
     return np.where(clear, (np.cumsum(used) - 1)[both], -1).astype(np.int32)
 
 
-def _places(zone: Labels, count: int, view: View, occupied: Flags, lines: WallLines) -> kernels.Places:
+def _places(zone: Labels, count: int, view: View, wall: Flags, lines: WallLines) -> kernels.Places:
     """The zones as places, each by itself; ``TOUCHING`` is left 0."""
     inside = zone >= 0
     owner, thickness, cell_m = zone[inside], view.thickness[inside] * view.cell_m, view.cell_m
@@ -121,7 +122,7 @@ def _places(zone: Labels, count: int, view: View, occupied: Flags, lines: WallLi
     thick = np.bincount(owner, np.maximum(thickness, 0.5 * cell_m), count) * cell_m**2
     peak = np.zeros(count)
     np.maximum.at(peak, owner, thickness)
-    border = borders(zone, occupied, count) * cell_m
+    border = borders(zone, wall, count) * cell_m
     angles = np.radians(lines.turn_deg) + 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     reach = zone_graph.reaches(zone, count, np.stack([np.sin(angles), np.cos(angles)], axis=1)) * cell_m
     sums = np.stack([area, thick, border[:, 0], border[:, 1], np.zeros(count)], axis=1)

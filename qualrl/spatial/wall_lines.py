@@ -42,9 +42,8 @@ class WallLines:
     """(L,) length of the gap."""
 
 
-def find_wall_lines(occupied: Flags, clear: Flags, cell_m: float) -> WallLines:
-    """Lines across the gaps of the walls of a map: occupied (h, w), clear (h, w) what is free, side of a cell."""
-    wall = _walls(occupied, clear)
+def find_wall_lines(wall: Flags, clear: Flags, cell_m: float) -> WallLines:
+    """Lines across the gaps of the walls of a map: wall (h, w), clear (h, w) what is free, side of a cell."""
     turn_deg = main_turn_deg(wall)
     there, size = _upright(turn_deg, wall.shape)
     turned_wall = cv2.warpAffine(wall.astype(np.uint8) * 255, there, size, flags=cv2.INTER_LINEAR) > 100
@@ -66,8 +65,8 @@ def find_wall_lines(occupied: Flags, clear: Flags, cell_m: float) -> WallLines:
     return WallLines(turn_deg, line, support_m, gap_m)
 
 
-def _walls(occupied: Flags, clear: Flags) -> Flags:
-    """What counts as wall: what is occupied, and on maps that draw their walls grey all that borders free space."""
+def walls_of(occupied: Flags, clear: Flags) -> Flags:
+    """(h, w) what is wall: what is occupied, and on maps that draw their walls grey all that borders free space."""
     rim = (cv2.dilate(clear.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0) & ~clear
     near = cv2.dilate(occupied.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     drawn = np.count_nonzero(rim & near) >= DRAWN * np.count_nonzero(rim)
