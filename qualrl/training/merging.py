@@ -1,14 +1,17 @@
 """Train the trees that tell which zones of a map are one place, on floor plans generated here and on nothing else.
 
-    python -m qualrl.training.merging --plans 2000 --out merging.npz
+    python -m qualrl.training.merging --out merging.npz
 
 Each plan is cut into zones, and zones are merged as the trees so far would do it, the likeliest pair first, but only
 where the truth agrees: so the trees meet pairs as they look on the way to the right answer.  Each pair met is a
 sample.  Rounds after the first one add the samples that the trees of the round before lead to.
+
+Trees of plain plans and trees of crowded ones are averaged, which does better than trees of both: where the two do
+not agree, the mean says that little is known.
 """
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -26,6 +29,8 @@ from qualrl.spatial.view import look
 
 FIRST_SEED = 1_000_000
 """Tests use smaller seeds."""
+BAGS = 2
+"""So many sets of trees of each kind of plan are averaged."""
 SAMPLES = 30_000
 """At most so many of a plan are kept."""
 NOISY, COARSER, FINER = 0.2, 0.2, 0.05
@@ -39,9 +44,10 @@ Samples = NDArray[np.float32]
 Stored = dict[str, NDArray[Any]]
 
 
-def samples_of(seed: int, stored: Stored) -> Samples:
+def samples_of(seed: int, stored: Stored, crowded: bool) -> Samples:
     """(N, F + 2) what is met on one plan: features, whether the two are one place, the smaller area."""
-    grid, place = varied(random_floor_plan(seed), np.random.default_rng([seed, 1]))
+    plan = random_floor_plan(seed, crowded=crowded)
+    grid, place = varied(plan, np.random.default_rng([seed, 1])) if crowded else (plan.grid, plan.place)
     view = look(grid.free, grid.resolution_m, FURNITURE_M)
     graph = zone_graph_of(view, view.of_grid(grid.occupied))
     place = place.repeat(view.zoom, 0).repeat(view.zoom, 1)
@@ -89,7 +95,7 @@ def trained(samples: Samples, trees: int) -> Stored:
     count = len(kernels.FEATURES)
     weight = np.sqrt(np.minimum(samples[:, count + 1], 20)) + 0.05
     model = HistGradientBoostingClassifier(
-        max_iter=trees, learning_rate=0.06, max_leaf_nodes=24, l2_regularization=1.0, min_samples_leaf=80,
+        max_iter=trees, learning_rate=0.08, max_leaf_nodes=24, l2_regularization=1.0, min_samples_leaf=80,
         early_stopping=False, random_state=0,
     )  # fmt: skip
     model.fit(samples[:, :count], samples[:, count] > 0, sample_weight=weight)
@@ -115,30 +121,45 @@ def packed(trees: Iterable[Any], start: float) -> Stored:
     }
 
 
+def averaged(parts: Sequence[Stored]) -> Stored:
+    """All trees in one, so that their sum is the mean of the parts' sums."""
+    shift = np.cumsum([0] + [len(part["feature"]) for part in parts])
+    moved = [
+        part | {name: part[name] + by for name in ("root", "left", "right")} | {"leaf": part["leaf"] / len(parts)}
+        for part, by in zip(parts, shift, strict=False)
+    ]
+    whole = {name: np.concatenate([part[name] for part in moved]) for name in parts[0] if name != "start"}
+    whole |= {name: whole[name].astype(parts[0][name].dtype) for name in whole}
+    return whole | {"start": np.mean([part["start"] for part in parts])}
+
+
 def train(plans: int, trees: int, jobs: int) -> Stored:
-    """Trees trained on so many plans in three rounds."""
-    stored = packed([], 0.0)
-    met: list[Samples] = []
+    """Trees trained on so many plans of each kind, plain and crowded: BAGS times for each, on half of its plans."""
+    bags = []
     with ProcessPoolExecutor(jobs) as pool:
-        for number, count in enumerate((plans // 8, plans // 4, plans)):
-            seeds = range(FIRST_SEED, FIRST_SEED + count)
-            met += pool.map(partial(samples_of, stored=stored), seeds, chunksize=8)
-            samples = np.concatenate(met)
-            stored = trained(samples, trees if number == 2 else min(trees, 150))
-            print(f"round {number + 1}: {count} plans, {len(samples)} samples", flush=True)
-    return stored
+        for crowded in (False, True):
+            stored = packed([], 0.0)
+            met: list[Samples] = []
+            for count in (plans // 8, plans // 3, plans):
+                seeds = range(FIRST_SEED + len(met), FIRST_SEED + len(met) + count)
+                met += pool.map(partial(samples_of, stored=stored, crowded=crowded), seeds, chunksize=8)
+                stored = trained(np.concatenate(met), trees)
+                print(f"crowded: {crowded}, {count} plans, {sum(map(len, met))} samples in all", flush=True)
+            for bag in range(BAGS):
+                chosen = np.random.default_rng(bag).choice(len(met), len(met) // 2, replace=False)
+                bags.append(trained(np.concatenate([met[plan] for plan in chosen]), trees))
+    return averaged(bags)
 
 
 def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--plans", type=int, default=2000)
-    parser.add_argument("--trees", type=int, default=400)
+    parser.add_argument("--plans", type=int, default=900)
+    parser.add_argument("--trees", type=int, default=200)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("merging.npz"))
     chosen = parser.parse_args()
-    stored = train(chosen.plans, chosen.trees, chosen.jobs)
-    np.savez_compressed(chosen.out, allow_pickle=False, **stored)
+    np.savez_compressed(chosen.out, allow_pickle=False, **train(chosen.plans, chosen.trees, chosen.jobs))
 
 
 if __name__ == "__main__":

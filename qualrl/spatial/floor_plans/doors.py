@@ -38,10 +38,10 @@ class Door(NamedTuple):
     """True when its wall runs from top to bottom."""
 
 
-def random_doors(layout: Layout, wall_m: float) -> tuple[list[Door], NDArray[np.bool_]]:
+def random_doors(layout: Layout, wall_m: float, crowded: bool) -> tuple[list[Door], NDArray[np.bool_]]:
     """Doors between places, and (H, W) the cells of the walls that they open.
 
-    Nearly all places can be reached; there are few ways round.
+    Nearly all places can be reached; there are few ways round.  crowded: see ``random_floor_plan``.
     """
     rng = layout.rng
     sides = _sides(layout.place)
@@ -57,21 +57,21 @@ def random_doors(layout: Layout, wall_m: float) -> tuple[list[Door], NDArray[np.
         ways_round = 0.12 if _corridors(layout, pair) else 0.05
         if most_m < 0.85 or rng.random() > (ways_round if reached.connected(*pair) else 0.97):
             continue
-        if _is_mouth(layout, pair, side) and rng.random() < 0.5:
+        if crowded and _is_mouth(layout, pair, side) and rng.random() < 0.5:
             doors.append(_mouth(pair, side, wall_m, opened))
             reached.merge(*pair)
             continue
-        for _ in range(_openings(layout, pair, most_m)):
+        for _ in range(_openings(layout, pair, most_m, crowded)):
             width_m = _width_m(layout, pair, most_m, cubicles)
             doors.append(_door(rng, pair, side, width_m, wall_m, opened))
         reached.merge(*pair)
     return doors, opened
 
 
-def _openings(layout: Layout, pair: Pair, most_m: float) -> int:
+def _openings(layout: Layout, pair: Pair, most_m: float, crowded: bool) -> int:
     """How many doors a side has: mostly one; a long side along a corridor may be hardly more than a row of them."""
     rng = layout.rng
-    if _corridors(layout, pair) == 1 and most_m > 6 and rng.random() < 0.12:
+    if crowded and _corridors(layout, pair) == 1 and most_m > 6 and rng.random() < 0.12:
         return int(most_m / rng.uniform(2.5, 4.5))
     return 1 + int(rng.random() < 0.12 and most_m > 5)
 

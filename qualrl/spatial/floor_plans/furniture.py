@@ -17,8 +17,10 @@ MOST_PIECES = 60
 """In one place."""
 
 
-def furniture(free: Flags, place: Ints, is_corridor: list[bool], rng: np.random.Generator, density: float) -> Flags:
-    """(H, W) cells under furniture: about ``density`` fifths of a piece a square metre of room.
+def furniture(
+    free: Flags, place: Ints, is_corridor: list[bool], rng: np.random.Generator, density: float, crowded: bool
+) -> Flags:
+    """(H, W) cells under furniture: about ``density`` fifths of a piece a square metre of room; rows of desks if crowded.
 
     free (H, W); place (H, W) number of the room or corridor of each cell.
     """
@@ -34,7 +36,7 @@ def furniture(free: Flags, place: Ints, is_corridor: list[bool], rng: np.random.
             against_wall = rng.random() < 0.45
             at = by_wall[rng.integers(by_wall.size)] if against_wall else rng.integers(rows.size)
             _put(taken, place, number, (int(rows[at]), int(columns[at])), against_wall, rng)
-        if not corridor and area_m2 > 18 and rng.random() < 0.2 * min(density, 1.5):
+        if crowded and not corridor and area_m2 > 18 and rng.random() < 0.2 * min(density, 1.5):
             taken |= _desks((place == number) & (to_wall > cells(0.4)), rng)
         if not corridor and area_m2 > 12 and rng.random() < 0.12 * min(density, 1.5):
             for at in rng.choice(by_wall, size=int(rng.integers(1, 4))):

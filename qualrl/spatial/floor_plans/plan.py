@@ -41,10 +41,11 @@ class FloorPlan:
     """How far the building is turned on the map, counter-clockwise."""
 
 
-def random_floor_plan(seed: int, *, style: str | None = None) -> FloorPlan:
+def random_floor_plan(seed: int, *, style: str | None = None, crowded: bool = False) -> FloorPlan:
     """A plan of 9 to 60 m with cells of 0.05 m; the same seed and style give the same plan.
 
-    style: one of ``STYLES``; by default any.
+    style: one of ``STYLES``; by default any.  crowded: with what is hard to tell from walls and doors: rows of desks,
+    walls that are hardly more than a row of doors, corridors that open into rooms over all their width.
 
     Raises SettingError for a style that there is none of.
     """
@@ -55,9 +56,9 @@ def random_floor_plan(seed: int, *, style: str | None = None) -> FloorPlan:
     style = style or drawn
     layout = _flipped(random_layout(rng))
     wall_m = float(rng.uniform(0.05, 0.12) if rng.random() < 0.5 else rng.uniform(0.1, 0.3))
-    doors, opened = random_doors(layout, wall_m + 2 * CELL_M)
+    doors, opened = random_doors(layout, wall_m + 2 * CELL_M, crowded)
     wall = _walls(layout.place, wall_m) & ~opened
-    _stand_in_the_way(layout, wall, doors, opened, style)
+    _stand_in_the_way(layout, wall, doors, opened, style, crowded)
     grid, place, turned_deg = _mapped(layout, wall, style)
     return FloorPlan(grid, place, tuple(layout.is_corridor), tuple(doors), style, turned_deg)
 
@@ -83,7 +84,7 @@ def _walls(place: Ints, wall_m: float) -> Flags:
     return np.asarray(cv2.dilate(edge.astype(np.uint8), np.ones((cells(wall_m),) * 2, np.uint8)) > 0)
 
 
-def _stand_in_the_way(layout: Layout, wall: Flags, doors: list[Door], opened: Flags, style: str) -> None:
+def _stand_in_the_way(layout: Layout, wall: Flags, doors: list[Door], opened: Flags, style: str, crowded: bool) -> None:
     """Add pillars, open doors' leaves and furniture to the walls; the doors themselves stay free."""
     rng, inside = layout.rng, layout.place >= 0
     doorsteps = cv2.dilate((opened & inside).astype(np.uint8), np.ones((cells(0.5),) * 2, np.uint8)) > 0
@@ -95,7 +96,7 @@ def _stand_in_the_way(layout: Layout, wall: Flags, doors: list[Door], opened: Fl
             added[row : row + side, column : column + side] = 1
     density = {"drawn": 0.0, "furnished": rng.uniform(0.6, 1.6)}.get(style, rng.uniform(0.3, 2))
     if density:
-        added |= furniture(inside & ~wall, layout.place, layout.is_corridor, rng, density)
+        added |= furniture(inside & ~wall, layout.place, layout.is_corridor, rng, density, crowded)
     added[doorsteps] = 0
     for door in doors:
         if rng.random() < 0.15 and door.width_m < 1.3:
