@@ -130,7 +130,7 @@ def averaged(parts: Sequence[Stored]) -> Stored:
     ]
     whole = {name: np.concatenate([part[name] for part in moved]) for name in parts[0] if name != "start"}
     whole |= {name: whole[name].astype(parts[0][name].dtype) for name in whole}
-    return whole | {"start": np.mean([part["start"] for part in parts])}
+    return whole | {"start": np.array(np.mean([part["start"] for part in parts]))}
 
 
 def train(plans: int, trees: int, jobs: int) -> Stored:
