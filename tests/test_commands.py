@@ -206,7 +206,7 @@ WRONG = {
     "is a map, not a scenario; 'qualrl convert rooms.yaml'": ("run", "rooms.yaml"),
     "is a scenario, not a map": ("convert", "rooms.scenario.yaml"),
     "--set goal: no place is called 'lab'": ("run", "rooms.scenario.yaml", "--set", "goal=lab"),
-    "rooms.scenario.yaml: start: no place is called": ("run", "rooms.scenario.yaml", "--set", "names={}"),
+    "rooms.scenario.yaml:2:8: start: no place is called": ("run", "rooms.scenario.yaml", "--set", "names={}"),
     "start and goal are the same": ("learn", "rooms.scenario.yaml", "--set", "start=room B"),
     "qualrl: --episodes: must be at least 1, got -3": ("run", "rooms.scenario.yaml", "--episodes", "-3"),
     "--set learn.planning_steps: must be at most": ("run", "puzzle", "--set", "learn.planning_steps=1e12"),

@@ -22,7 +22,9 @@ def map_document(regions: RegionMap, graph: Graph) -> dict[str, Any]:
             "origin": list(grid.origin),
             "free_cells": int(grid.free.sum()),
             "occupied_cells": int(grid.occupied.sum()),
-            "unknown_cells": int((~grid.free & ~grid.occupied).sum()),
+            "unknown_cells": grid.unknown_cells,
+            "radius_m": grid.radius_m,
+            "lost": list(regions.lost),
             "warnings": list(grid.warnings),
         },
         "regions": [

@@ -29,7 +29,7 @@ def print_map(regions: RegionMap) -> None:
     grid = regions.grid
     height, width = grid.shape
     free = int(grid.free.sum())
-    unknown = int((~grid.free & ~grid.occupied).sum())
+    unknown = grid.unknown_cells
     out = PipedConsole(highlight=False)
     out.print(
         f"{grid.source or 'map'}: {width} x {height} cells of {grid.resolution_m:g} m "
@@ -37,11 +37,17 @@ def print_map(regions: RegionMap) -> None:
         f"{free} free ({free * grid.resolution_m**2:.1f} m2), {unknown} unknown",
         markup=False, soft_wrap=True,
     )  # fmt: skip
+    if grid.radius_m:
+        out.print(f"free is where the centre of a robot with radius_m {grid.radius_m:g} can be", markup=False)
     if grid.origin != (0.0, 0.0, 0.0):
         x_m, y_m, yaw_rad = grid.origin
         out.print(f"lower-left corner at x {x_m:g} m, y {y_m:g} m, turned by {yaw_rad:g} rad", markup=False)
     _print_regions(out, regions)
     _print_doors(out, regions)
+    lost = [name for name in regions.lost if not name.startswith("pocket ")]
+    if lost:
+        out.print(f"the robot is too large for: {', '.join(lost[:MOST_ROWS])}", markup=False, soft_wrap=True)
+        _print_rest(out, len(lost), "places")
     counts: dict[str, int] = {}
     for mark in regions.landmarks:
         counts[mark.kind] = counts.get(mark.kind, 0) + 1

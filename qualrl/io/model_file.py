@@ -1,8 +1,9 @@
 """Hybrid MDPs as one .npz file: plain arrays and one JSON text; nothing in it can run code.
 
 Arrays of a model with a map: ``label`` and ``occupied`` (H, W), ``door_cells`` and ``mark_cells`` (N, 2) with
-``door_ends`` and ``mark_ends`` saying where each one's cells end.  Without a map: the fields of TabularMDP and
-``region_of``.  ``about`` is the JSON text with names and numbers, and with the groupings of levels above the regions.
+``door_ends`` and ``mark_ends`` saying where each one's cells end; for a robot with a radius also ``tight`` (H, W).
+Without a map: the fields of TabularMDP and ``region_of``.  ``about`` is the JSON text with names and numbers, and with
+the groupings of levels above the regions.
 """
 
 import hashlib
@@ -99,7 +100,7 @@ def _pack_map(model: HybridMDP) -> tuple[dict[str, Any], Arrays]:
     assert regions is not None
     grid = regions.grid
     doors, marks = regions.doorways, regions.landmarks
-    about = {
+    about: dict[str, Any] = {
         "map": {
             "resolution_m": grid.resolution_m, "origin": grid.origin, "source": grid.source, "sha256": grid.sha256,
         },
@@ -111,7 +112,7 @@ def _pack_map(model: HybridMDP) -> tuple[dict[str, Any], Arrays]:
         "doorways": [[d.name, d.pair, d.width_m, d.is_open] for d in doors],
         "landmarks": [[m.name, m.kind, m.cell, m.regions] for m in marks],
     }  # fmt: skip
-    arrays = {
+    arrays: Arrays = {
         "label": regions.label,
         "occupied": grid.occupied,
         "door_cells": _stacked([door.cells for door in doors]),
@@ -119,6 +120,9 @@ def _pack_map(model: HybridMDP) -> tuple[dict[str, Any], Arrays]:
         "mark_cells": _stacked([mark.cells for mark in marks]),
         "mark_ends": np.cumsum([len(mark.cells) for mark in marks], dtype=np.int64),
     }
+    if grid.tight is not None:
+        about |= {"lost": list(regions.lost)}
+        about["map"]["radius_m"], arrays["tight"] = grid.radius_m, grid.tight
     return about, arrays
 
 
@@ -149,8 +153,9 @@ def _unpack_map(about: dict[str, Any], arrays: Arrays) -> HybridMDP:
     place, world = about["map"], about["world"]
     x_m, y_m, yaw = place["origin"]
     grid = OccupancyGrid(
-        label >= 0, arrays["occupied"], place["resolution_m"], (x_m, y_m, yaw), place["source"], place["sha256"]
-    )
+        label >= 0, arrays["occupied"], place["resolution_m"], (x_m, y_m, yaw), place["source"], place["sha256"],
+        radius_m=place.get("radius_m", 0.0), tight=arrays.get("tight"),
+    )  # fmt: skip
     regions = RegionMap(
         grid,
         label,
@@ -167,6 +172,7 @@ def _unpack_map(about: dict[str, Any], arrays: Arrays) -> HybridMDP:
                 about["landmarks"], _split(arrays["mark_cells"], arrays["mark_ends"]), strict=True
             )
         ),
+        tuple(about.get("lost", ())),
     )  # fmt: skip
     model = hybrid_mdp(
         regions, PlaceCell(*world["goal"]), gamma=about["gamma"], slip=world["slip"],

@@ -23,7 +23,7 @@ from pydantic import (
     WithJsonSchema,
 )
 
-from qualrl.errors import PlaceError, QualrlError, ScenarioError, UnknownNameError, shown
+from qualrl.errors import MapError, PlaceError, QualrlError, ScenarioError, UnknownNameError, shown
 from qualrl.io.bundled import SCENARIO_SUFFIX, found
 from qualrl.io.positioned_yaml import KeyPath, PositionedYaml, parse_yaml, read_scalar, read_yaml
 from qualrl.io.scenario_errors import dotted, explained
@@ -124,6 +124,9 @@ class Scenario(Strict):
     resolution_m: float | None = Field(
         default=None, gt=0, description="side of a cell, for an image without a map YAML"
     )
+    radius_m: float = Field(
+        default=0.0, ge=0, description="of the robot, which fits where no wall or unknown cell is nearer; 0 = a point"
+    )
     motion: MotionSettings = Field(default=MotionSettings(), description="how the robot moves")
     reward: RewardSettings = Field(default=RewardSettings(), description="what the robot is paid")
     segment: SegmentSettings = Field(default=SegmentSettings(), description="how the map is cut into regions")
@@ -138,6 +141,7 @@ class Scenario(Strict):
 
     _path: Path | None = PrivateAttr(None)
     _asked: dict[str, str] = PrivateAttr(default_factory=dict)
+    _stood: dict[str, tuple[int, int]] = PrivateAttr(default_factory=dict)
 
     @property
     def path(self) -> Path | None:
@@ -157,7 +161,11 @@ class Scenario(Strict):
 
         grid = read_map(self.map_path, resolution_m=self.resolution_m)
         area_m2 = self.segment.min_area_m2
-        found = segment(grid) if area_m2 is None else segment(grid, min_area_m2=area_m2)
+        area = {} if area_m2 is None else {"min_area_m2": area_m2}
+        try:
+            found = segment(grid, radius_m=self.radius_m, **area)
+        except MapError as problem:
+            raise MapError(f"{self._where('radius_m')}: {problem}") from None
         for name in self.names:
             if name in (self.landmarks or {}) and name not in found.all_names:
                 where = self._where("names")
@@ -206,7 +214,10 @@ class Scenario(Strict):
 
     def _where(self, key: str) -> str:
         """Where a key was set: in the file, or on the command line."""
-        return self._asked.get(key, f"{self.path}: {key}" if self.path else key)
+        if key in self._asked or not self.path:
+            return self._asked.get(key, key)
+        line, column = self._stood.get(key, (0, 0))
+        return f"{self.path}:{line}:{column}: {key}" if line else f"{self.path}: {key}"
 
     def door_changes(self) -> "tuple[Change, ...]":
         """The changes of the world, as ``qualrl.train`` takes them."""
@@ -241,7 +252,7 @@ class Scenario(Strict):
         except ValidationError as problems:
             lines = [f"{_asked_at(problem.path, asked)}: {problem.what}" for problem in explained(problems, Scenario)]
             raise ScenarioError("\n".join(lines)) from None
-        changed._path = self._path
+        changed._path, changed._stood = self._path, self._stood
         changed._asked = self._asked | {str(path[0]): told for path, told in asked.items()}
         return changed
 
@@ -263,6 +274,7 @@ def load_scenario(path: str | Path) -> Scenario:
     content = read_yaml(file, what="scenario", error=ScenarioError)
     scenario = _checked(content)
     scenario._path = file
+    scenario._stood = {str(path[0]): at for path, at in content.value_at.items() if len(path) == 1}
     return scenario
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
-from qualrl.errors import NoPlanError, SettingError, UnknownNameError, did_you_mean
+from qualrl.errors import NoPlanError, SettingError, UnknownNameError
 from qualrl.models.hybrid_mdp import HybridMDP
 
 
@@ -81,9 +81,7 @@ def _apply(number: int, change: Change, closed: list[str], model: HybridMDP) -> 
         raise SettingError("changes need a model with a map, which has doors")
     doors = [door.name for door in model.regions.doorways]
     if change.door not in doors:
-        raise UnknownNameError(
-            f"changes[{number}]: no doorway is called {change.door!r}; {did_you_mean(change.door, doors)}"
-        )
+        raise UnknownNameError(f"changes[{number}]: {model.regions.why_not(change.door, 'no doorway', doors)}")
     if (change.door in closed) != change.opens:
         raise SettingError(f"changes[{number}]: {change.door} is {'open' if change.opens else 'closed'} already")
     if change.opens:

@@ -22,6 +22,7 @@ from qualrl.learning.settings import LearnSettings
 from qualrl.learning.trainer import Milestone, Runner, start_learner
 from qualrl.models.hybrid_mdp import HybridMDP, landmarks_of_map
 from qualrl.qualitative.graph import Graph, graph_of_regions
+from qualrl.spatial.footprint import cut_to
 from qualrl.spatial.growing import KeptNames
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.region_map import RegionMap
@@ -121,7 +122,11 @@ class _Explorer:
 
     def find_anew(self, steps: int, episode: int) -> None:
         """Find regions, doorways and landmarks on the map as known by now."""
-        found = self._regions = self._names.apply(self._find(self._known.grid()))
+        found = self._find(self._known.grid())
+        radius_m = self._known.truth.radius_m
+        if radius_m:  # whether it fits on a cell, it knows as soon as it sees the cell
+            found = replace(cut_to(self._known.free, found, radius_m), lost=())
+        found = self._regions = self._names.apply(found)
         self.model = known_model(self._truth, found, self._known)
         counts = self._free_cells, len(found.regions), len(found.doorways), len(found.landmarks)
         self._stages.append(Stage(steps, episode, *counts, self._knows_goal))

@@ -178,7 +178,7 @@ class HybridMDP:
         closed = []
         for name in dict.fromkeys(doors):
             if name not in known:
-                raise UnknownNameError(f"no doorway is called {name!r}; {did_you_mean(name, known)}")
+                raise UnknownNameError(self.regions.why_not(name, "no doorway", known))
             closed.append(known.pop(name))
         walls = [wall for door in closed for wall in crossings_of(self.regions, door)]
         regions = replace(self.regions, doorways=tuple(known.values()))

@@ -8,7 +8,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from qualrl.learning.growth import Growth
-from qualrl.report.region_colours import PALETTE, UNKNOWN, WALL
+from qualrl.report.region_colours import NOT_FREE, PALETTE, colour_index
 
 COLUMNS = 3
 
@@ -22,9 +22,8 @@ def draw_growth(growth: Growth, file: Path) -> None:
     names = list(dict.fromkeys(name for regions in growth.snapshots for name in regions.region_names))
     for number, regions in enumerate(growth.snapshots, 1):
         table = [to_rgb(PALETTE[names.index(name) % len(PALETTE)]) for name in regions.region_names]
-        index = np.where(regions.label >= 0, regions.label, np.where(regions.grid.occupied, -1, -2))
         axes = figure.add_subplot(rows, COLUMNS, number)
-        axes.imshow(np.array([*table, to_rgb(UNKNOWN), to_rgb(WALL)])[index], interpolation="nearest")
+        axes.imshow(np.array([*table, *map(to_rgb, NOT_FREE)])[colour_index(regions)], interpolation="nearest")
         for region in regions.regions:
             if region.kind != "pocket":
                 axes.text(*region.centre[::-1], region.name, ha="center", va="center", fontsize=7)

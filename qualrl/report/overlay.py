@@ -228,7 +228,10 @@ def _entries(regions: RegionMap, path: Sequence[Cell], em: float) -> list[Entry]
     if any(region.kind == "pocket" for region in regions.regions):
         striped = {"fillstyle": "top", "markerfacecolor": "white", "markerfacecoloralt": region_colours.UNKNOWN}
         entries.append(Entry("pocket", {"color": "#777777", **square, **striped}))
-    if not (regions.grid.free | regions.grid.occupied).all():
+    if regions.grid.tight is not None:
+        outlined = {"markerfacecolor": region_colours.TIGHT, "markeredgecolor": "#777777"}
+        entries.append(Entry("too tight", {"color": "#777777", **square, **outlined}))
+    if regions.grid.unknown_cells:
         entries.append(Entry("unknown", {"color": region_colours.UNKNOWN, **square}))
     return entries
 

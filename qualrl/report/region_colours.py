@@ -13,7 +13,8 @@ from qualrl.spatial.region_map import RegionMap
 
 PALETTE = ("#f4dc64", "#ac94f4", "#88ac70", "#f4d0f4", "#b8a040", "#dcf4a0", "#b894c4", "#c4e8c4")
 """Any two are 22 apart and more, also as those see them who lack red or green cones; lightness 66 to 93 of 100."""
-WALL, UNKNOWN, POCKET = "#222222", "#b5b5b5", "#ffffff"
+WALL, UNKNOWN, TIGHT, POCKET = "#222222", "#b5b5b5", "#ffffff", "#ffffff"
+NOT_FREE = (TIGHT, UNKNOWN, WALL)
 STRIPE_PX = 6
 """Pockets are striped; their stripes come again after so many pixels."""
 NEAR_M, NEAR_CELLS, NEAR_PX = 0.5, 3.0, 10.0
@@ -28,18 +29,25 @@ def region_image(regions: RegionMap, window: tuple[slice, slice], height_px: int
     """(height_px, width_px, 3) a part of the map in colours; cells smaller than pixels are mixed."""
     label = regions.label[window]
     numbers = colour_numbers(regions, width_px / label.shape[1])
-    names = [WALL, UNKNOWN, *(POCKET if number is None else PALETTE[number] for number in numbers)]
+    names = [*(POCKET if number is None else PALETTE[number] for number in numbers), *NOT_FREE]
     table = np.array([np.multiply(to_rgb(name), 255).round() for name in names], np.uint8)
-    index = np.where(label >= 0, label + 2, np.where(regions.grid.occupied[window], 0, 1))
+    index = colour_index(regions)[window]
     shrinks = width_px < label.shape[1]
     size = (width_px, height_px)
     image = cv2.resize(table[index], size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_NEAREST_EXACT)
-    is_pocket = np.array([False, False, *(number is None for number in numbers)])
+    is_pocket = np.array([*(number is None for number in numbers), *(False for _ in NOT_FREE)])
     if is_pocket.any():
         rows, columns = np.indices((height_px, width_px), np.int32)
         pockets = cv2.resize(is_pocket[index].astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT) > 0
         image[pockets & ((rows + columns) % STRIPE_PX < STRIPE_PX // 3)] = np.multiply(to_rgb(UNKNOWN), 255)
     return np.asarray(image, np.uint8)
+
+
+def colour_index(regions: RegionMap) -> NDArray[np.int32]:
+    """(H, W) number of each cell's region, or that of its colour in ``NOT_FREE``, counted from the end."""
+    tight = regions.grid.tight
+    index = np.where(regions.label >= 0, regions.label, np.where(regions.grid.occupied, -1, -2))
+    return np.asarray(index if tight is None else np.where(tight, -3, index), np.int32)
 
 
 def colour_numbers(regions: RegionMap, px_per_cell: float) -> list[int | None]:

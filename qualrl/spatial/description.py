@@ -91,21 +91,30 @@ def describe(
     parts: Parts, doorways: Sequence[Doorway], occupied: Flags, resolution_m: float
 ) -> tuple[tuple[Region, ...], list[int]]:
     """The regions in their order, with names, kinds and what decided these; and the number of each in ``parts``."""
-    shapes = _shapes(parts, doorways, occupied, resolution_m)
-    areas_m2 = (parts.cells * resolution_m**2).tolist()
-    width = parts.label.shape[1]
-    kinds = _kinds(parts.is_pocket, areas_m2, shapes)
-    regions = [
-        Region("", kind, int(size), area_m2, (float(row), float(column)), divmod(int(at), width), shape)
-        for kind, size, area_m2, (row, column), at, shape in zip(
-            kinds, parts.cells, areas_m2, parts.centroid, parts.centre, shapes, strict=True
-        )
-    ]
+    shapes = shapes_of(parts, doorways, occupied, resolution_m)
+    kinds = _kinds(parts.is_pocket, (parts.cells * resolution_m**2).tolist(), shapes)
+    regions = recorded(parts, [("", kind) for kind in kinds], shapes, resolution_m)
     order = ordered(regions, resolution_m)
     return name_regions([regions[at] for at in order]), order
 
 
-def _shapes(parts: Parts, doorways: Sequence[Doorway], occupied: Flags, resolution_m: float) -> list[Shape]:
+def recorded(
+    parts: Parts, titles: Sequence[tuple[str, str]], shapes: Sequence[Shape], resolution_m: float
+) -> list[Region]:
+    """The regions in the order of their numbers; titles: the name and kind of each."""
+    width = parts.label.shape[1]
+    return [
+        Region(
+            name, kind, int(size), float(size * resolution_m**2), (float(row), float(column)),
+            divmod(int(at), width), shape,
+        )
+        for (name, kind), size, (row, column), at, shape in zip(
+            titles, parts.cells, parts.centroid, parts.centre, shapes, strict=True
+        )
+    ]  # fmt: skip
+
+
+def shapes_of(parts: Parts, doorways: Sequence[Doorway], occupied: Flags, resolution_m: float) -> list[Shape]:
     """The shape of each region."""
     count = len(parts.cells)
     walls, unknown = labels.borders(parts.label, occupied, count).T

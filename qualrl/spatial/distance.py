@@ -1,8 +1,10 @@
-"""Distances to the nearest cell that is not free."""
+"""Distances to the nearest cell that is not free, and what follows from them."""
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from qualrl.kernels.thickness import disc_centres, local_thickness
 
 
 def distance_within(free: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -15,3 +17,9 @@ def distance_within(free: NDArray[np.bool_]) -> NDArray[np.float32]:
     np.multiply(found, found, out=found)
     np.rint(found, out=found)
     return np.asarray(np.sqrt(found, out=found), np.float32)
+
+
+def thickness_over(distance: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W) radius of the largest free disc over each cell, from the distances to what is not free, in cells."""
+    centres = disc_centres(distance)
+    return local_thickness(distance, centres[np.argsort(-distance.ravel()[centres], kind="stable")])

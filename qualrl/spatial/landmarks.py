@@ -42,7 +42,7 @@ def find_landmarks(
     label (H, W); distance (H, W) to the nearest cell that is not free, 0 on those that are looked past;
     half_width by region.
     """
-    marks = [Landmark(door.name, "doorway", _middle(door.cells), door.cells, door.pair) for door in doorways]
+    marks = [Landmark(door.name, "doorway", middle_of(door.cells), door.cells, door.pair) for door in doorways]
     corners = _corners(label, distance, half_width, resolution_m)
     junctions, dead_ends = _corridor_marks(label, regions, doorways, distance, half_width)
     centres = [region.centre for region in regions if region.kind != "pocket"]
@@ -54,7 +54,7 @@ def find_landmarks(
     return tuple(marks)
 
 
-def _middle(cells: Ints) -> Cell:
+def middle_of(cells: Ints) -> Cell:
     """The cell nearest to the mean of the cells."""
     row, column = cells[np.argmin(((cells - cells.mean(axis=0)) ** 2).sum(axis=1))]
     return int(row), int(column)

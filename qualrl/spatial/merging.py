@@ -20,9 +20,9 @@ from qualrl.kernels import wall_gaps, zone_graph
 from qualrl.kernels.bonds import Bonds, linked
 from qualrl.kernels.labels import borders
 from qualrl.kernels.trees import Trees
-from qualrl.spatial.distance import distance_within
+from qualrl.spatial.distance import distance_within, thickness_over
 from qualrl.spatial.straightening import straightened
-from qualrl.spatial.view import View, flat_zones, local_thickness_of
+from qualrl.spatial.view import View, flat_zones
 from qualrl.spatial.wall_lines import WallLines, find_wall_lines, walls_of
 
 PINCH, STEP = 0.85, 0.8
@@ -102,7 +102,7 @@ def zone_graph_of(view: View, occupied: Flags) -> ZoneGraph:
 def _zones(view: View, cut: Flags) -> Labels:
     """(h, w) zones of alike thickness of the free space as the lines cut it (h, w), numbered from 0."""
     distance = distance_within(cut)
-    zone, count = flat_zones(local_thickness_of(distance), distance, PINCH, STEP)
+    zone, count = flat_zones(thickness_over(distance), distance, PINCH, STEP)
     large = np.bincount(zone[zone >= 0], minlength=count) >= LEAST_ZONE_M2 / view.cell_m**2
     kept = np.where(np.append(large, False)[zone], zone, -1).astype(np.int32)
     clear = view.distance > 0

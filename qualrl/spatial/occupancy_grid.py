@@ -40,6 +40,10 @@ class OccupancyGrid:
     """SHA-256 of the image file's bytes; empty for a grid made in memory."""
     warnings: tuple[str, ...] = ()
     """What the reader found odd, one line each."""
+    radius_m: float = 0.0
+    """Radius of the robot whose centre free cells can hold; 0 = the map itself."""
+    tight: NDArray[np.bool_] | None = None
+    """(H, W) cells that are free but too near to what is not for that robot; None for the map itself."""
 
     def __post_init__(self) -> None:
         if self.free.ndim != 2 or self.free.shape != self.occupied.shape:
@@ -53,6 +57,10 @@ class OccupancyGrid:
             )
         if not all(abs(number) <= FARTHEST for number in self.origin):
             raise MapError(f"{self.source or 'map'}: origin must be numbers up to {FARTHEST:g}, got {self.origin}")
+        if self.tight is not None:
+            if self.tight.shape != self.free.shape or (self.tight & (self.free | self.occupied)).any():
+                raise MapError("tight cells must be neither free nor occupied, on a map of the same shape")
+            self.tight.setflags(write=False)
         self.free.setflags(write=False)
         self.occupied.setflags(write=False)
 
@@ -66,6 +74,12 @@ class OccupancyGrid:
     def shape(self) -> tuple[int, int]:
         """(H, W)."""
         return self.free.shape[0], self.free.shape[1]
+
+    @property
+    def unknown_cells(self) -> int:
+        """How many cells are neither free nor occupied, those too tight for the robot left out."""
+        tight = 0 if self.tight is None else int(self.tight.sum())
+        return int((~self.free & ~self.occupied).sum()) - tight
 
     def to_world(self, row: float, column: float) -> tuple[float, float]:
         """World x, y in metres of the centre of a cell."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qualrl.errors import PlaceError, UnknownNameError, did_you_mean, shown
+from qualrl.errors import PlaceError, UnknownNameError, shown
 from qualrl.spatial.occupancy_grid import Cell, OccupancyGrid
 from qualrl.spatial.region_map import RegionMap
 
@@ -115,6 +115,8 @@ def resolve_cell(place: Place, regions: RegionMap) -> Cell:
         raise PlaceError(f"{place} lies outside the map of {rows} x {columns} cells{_extent(place, grid)}")
     if not grid.free[cell]:
         kind = "in a wall" if grid.occupied[cell] else "where the map is unknown"
+        if grid.tight is not None and grid.tight[cell]:
+            kind = f"too near to a wall or unknown cells for a robot with radius_m {grid.radius_m:g}"
         row, column = _nearest_free(cell, grid)
         raise PlaceError(f"{place} lies {kind}; the nearest free cell is {row},{column}")
     return cell
@@ -127,7 +129,7 @@ def _named_cell(name: str, regions: RegionMap) -> Cell:
     for mark in regions.landmarks:
         if mark.name == name:
             return mark.cell
-    raise UnknownNameError(f"no place is called {name!r}; {did_you_mean(name, regions.all_names)}")
+    raise UnknownNameError(regions.why_not(name, "no place", regions.all_names))
 
 
 def _extent(place: Place, grid: OccupancyGrid) -> str:

@@ -5,7 +5,7 @@ Cells are (row, column) in image order; areas are square metres, widths metres.
 """
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import cv2
@@ -124,6 +124,8 @@ class RegionMap:
     regions: tuple[Region, ...]
     doorways: tuple[Doorway, ...]
     landmarks: tuple[Landmark, ...]
+    lost: tuple[str, ...] = ()
+    """Names of places that the robot is too large for: on the map for a robot that is a point, but not on this one."""
 
     def __post_init__(self) -> None:
         self.label.setflags(write=False)
@@ -143,15 +145,21 @@ class RegionMap:
         number = np.array([0] + [at * (region.kind != "pocket") for at, region in enumerate(self.regions, 1)], np.int32)
         return np.asarray(number[self.label + 1])
 
+    def why_not(self, name: str, what: str, known: Iterable[str]) -> str:
+        """What to say of a name that is not on the map; what: "no place", say, that has one of the known names."""
+        if name in self.lost:
+            return f"a robot with radius_m {self.grid.radius_m:g} is too large for {name!r}"
+        return f"{what} is called {name!r}; {did_you_mean(name, known)}"
+
     def renamed(self, names: Mapping[str, str]) -> "RegionMap":
         """The same map with other names for regions, doorways and landmarks.
 
         Raises UnknownNameError for a name that is not on the map, ScenarioError for one given twice.
         """
         for old in names:
-            if old not in self.all_names:
-                raise UnknownNameError(f"names: nothing is called {old!r}; {did_you_mean(old, self.all_names)}")
-        counts = Counter(names.get(name, name) for name in self.all_names)
+            if old not in self.all_names and old not in self.lost:
+                raise UnknownNameError(f"names: {self.why_not(old, 'nothing', self.all_names)}")
+        counts = Counter(names.get(name, name) for name in (*self.all_names, *self.lost))
         for name, count in counts.items():
             if count > 1:
                 raise ScenarioError(f"names: {name!r} would name {count} places; give each place its own name")
@@ -160,4 +168,5 @@ class RegionMap:
             regions=tuple(replace(region, name=names.get(region.name, region.name)) for region in self.regions),
             doorways=tuple(replace(door, name=names.get(door.name, door.name)) for door in self.doorways),
             landmarks=tuple(replace(mark, name=names.get(mark.name, mark.name)) for mark in self.landmarks),
+            lost=tuple(names.get(name, name) for name in self.lost),
         )

@@ -10,6 +10,7 @@ from qualrl.errors import SettingError
 from qualrl.kernels import regions as kernels
 from qualrl.spatial.description import describe, measure
 from qualrl.spatial.doorways import find_doorways, renumbered
+from qualrl.spatial.footprint import fitted
 from qualrl.spatial.joining import joined_regions
 from qualrl.spatial.landmarks import find_landmarks
 from qualrl.spatial.merging import merged_regions
@@ -27,7 +28,12 @@ Labels = NDArray[np.int32]
 
 
 def segment(
-    grid: OccupancyGrid, *, min_area_m2: float = 2.0, furniture_m: float = 0.35, pinch: float = PINCH
+    grid: OccupancyGrid,
+    *,
+    min_area_m2: float = 2.0,
+    furniture_m: float = 0.35,
+    pinch: float = PINCH,
+    radius_m: float = 0.0,
 ) -> RegionMap:
     """Cut the free space into named regions, with the doorways between them and the landmarks.
 
@@ -39,9 +45,12 @@ def segment(
         min_area_m2: no room or corridor is smaller, unless there is nothing to join it to.
         furniture_m: free-standing things smaller than this are looked past when rooms are told apart.
         pinch: a doorway is narrower than this share of the narrower place beside it.
+        radius_m: radius of the robot.  Regions are found on the whole map and cut to the cells on which it fits:
+            no point of a cell that is not free is nearer to the cell's centre (see ``footprint.fitted``).
 
     Raises:
         SettingError: a setting is out of its range.
+        MapError: the robot fits nowhere.
 
     """
     if not isinstance(grid, OccupancyGrid):
@@ -68,7 +77,7 @@ def segment(
     label = np.where(grid.free, rank[parts.label], -1).astype(np.int32)
     half_width, doorways = parts.half_width[order], renumbered(unordered, rank.tolist())
     landmarks = find_landmarks(label, regions, doorways, distance, half_width, resolution_m)
-    return RegionMap(grid, label, regions, doorways, landmarks)
+    return fitted(RegionMap(grid, label, regions, doorways, landmarks), radius_m)
 
 
 def _check(**settings: tuple[float, float]) -> None:

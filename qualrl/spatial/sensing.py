@@ -27,6 +27,7 @@ class KnownMap:
                 f"the radius must be from {truth.resolution_m:g} m, which is one cell, to "
                 f"{FARTHEST_CELLS * truth.resolution_m:g} m, got {radius_m:g} m"
             )
+        self._open = truth.free if truth.tight is None else truth.free | truth.tight
         self.seen = np.zeros(truth.shape, np.bool_)
         """(H, W)"""
         self._looked = np.zeros(truth.shape, np.bool_)
@@ -38,12 +39,12 @@ class KnownMap:
         new = np.argwhere(places & ~self._looked)
         self._looked |= places
         self._edges = kernel.look(
-            self.truth.free, new, math.ceil(self.radius), self.radius, self.seen, self._edge, self._edges, self._follow
+            self._open, new, math.ceil(self.radius), self.radius, self.seen, self._edge, self._edges, self._follow
         )
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """(H, W) cells known to be free."""
+        """(H, W) cells known to be free, those too tight for the robot left out."""
         return self.truth.free & self.seen
 
     @property
@@ -54,7 +55,11 @@ class KnownMap:
         return np.asarray(self.free & beside, np.bool_)
 
     def grid(self) -> OccupancyGrid:
-        """The map as known so far.  Raises MapError as long as nothing is known to be free."""
+        """The map as known so far, tight places included.  Raises MapError as long as nothing is known to be free."""
         return OccupancyGrid(
-            self.free, self.truth.occupied & self.seen, self.truth.resolution_m, self.truth.origin, self.truth.source
+            self._open & self.seen,
+            self.truth.occupied & self.seen,
+            self.truth.resolution_m,
+            self.truth.origin,
+            self.truth.source,
         )

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels import regions as kernels
-from qualrl.kernels.thickness import disc_centres, local_thickness
-from qualrl.spatial.distance import distance_within
+from qualrl.spatial.distance import distance_within, thickness_over
 
 BLOCK_M2 = 4.0
 """Free-standing things of less area are furniture if they are about as long as wide."""
@@ -69,7 +68,7 @@ def look(free: Flags, cell_m: float, furniture_m: float) -> View:
         opened = cv2.morphologyEx(clear.astype(np.uint8), cv2.MORPH_OPEN, disc) > 0
         clear = opened if opened.any() else clear
     distance = distance_within(clear)
-    thickness = local_thickness_of(distance)
+    thickness = thickness_over(distance)
     distance[gap & clear] = thickness[gap & clear] = GAP_DISTANCE
     return View(distance, thickness, thing, zoom, cell_m / zoom)
 
@@ -77,12 +76,6 @@ def look(free: Flags, cell_m: float, furniture_m: float) -> View:
 def enlarged(flags: Flags, zoom: int) -> Flags:
     """(h, w) flags (H, W) with so many cells along each, and a margin."""
     return np.pad(flags if zoom == 1 else flags.repeat(zoom, 0).repeat(zoom, 1), 1)
-
-
-def local_thickness_of(distance: Floats) -> Floats:
-    """(h, w) radius of the largest free disc over each cell, from the distances to what is not free."""
-    centres = disc_centres(distance)
-    return local_thickness(distance, centres[np.argsort(-distance.ravel()[centres], kind="stable")])
 
 
 def flat_zones(thickness: Floats, distance: Floats, pinch: float, step: float) -> tuple[Labels, int]:
