@@ -20,7 +20,7 @@ MOST_PIECES = 60
 def furniture(
     free: Flags, place: Ints, is_corridor: list[bool], rng: np.random.Generator, density: float, crowded: bool
 ) -> Flags:
-    """(H, W) cells under furniture: about ``density`` fifths of a piece a square metre of room; if crowded, desks in rows.
+    """(H, W) cells under furniture: about ``density`` fifths of a piece a square metre; if crowded, desks in rows.
 
     free (H, W); place (H, W) number of the room or corridor of each cell.
     """
