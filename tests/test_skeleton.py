@@ -1,5 +1,7 @@
 """The skeleton: as connected as its shape, thin, on the middle line, and without spurs."""
 
+import math
+
 import networkx as nx
 import numpy as np
 from hypothesis import given, settings
@@ -7,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.ndimage import binary_fill_holes, distance_transform_edt, label
 
-from qualrl.kernels.thinning import thin
-from qualrl.spatial.skeleton import pruned_skeleton
+from qualrl.kernels.thinning import prune, thin
+from qualrl.spatial.skeleton import LEAST_REACH, pruned_skeleton
 
 SHAPES = arrays(np.bool_, st.tuples(st.integers(1, 12), st.integers(1, 12)))
 CORNERS_TOO = np.ones((3, 3))
@@ -65,3 +67,33 @@ def test_a_cross_of_ragged_corridors_has_one_joint_and_four_ends() -> None:
     assert joints
     assert all(abs(row - 100) < 12 and abs(column - 100) < 12 for row, column in joints)
     assert sum(degree == 1 for _, degree in lines.degree) == 4
+
+
+def textbook_pruned(graph: nx.Graph, distance: np.ndarray, least: float) -> nx.Graph:
+    """Cells (row, column) as nodes; at each joint the shortest spur goes until none is left."""
+    graph = graph.copy()
+    while True:
+        shortest = {}
+        for tip in sorted(cell for cell, degree in graph.degree if degree == 1):
+            line, before, here = [tip], tip, next(iter(graph[tip]))
+            while graph.degree[here] == 2:
+                line.append(here)
+                before, here = here, next(cell for cell in graph[here] if cell != before)
+            reach = math.dist(tip, here) + float(distance[tip]) - float(distance[here])
+            is_spur = graph.degree[here] > 2 and reach < least * float(distance[here])
+            if is_spur and reach < shortest.get(here, (math.inf,))[0]:
+                shortest[here] = reach, line
+        if not shortest:
+            return graph
+        for _, line in shortest.values():
+            graph.remove_nodes_from(line)
+
+
+@settings(deadline=None, max_examples=150)
+@given(SHAPES, st.sampled_from([0.5, LEAST_REACH, 4.0]), st.integers(0, 2**32 - 1))
+def test_spurs_go_as_in_the_textbook(shape: np.ndarray, least: float, seed: int) -> None:
+    line = thin(np.where(shape, 0, -1).astype(np.int32), order_of(shape))
+    distance = np.random.default_rng(seed).integers(1, 4, shape.shape).astype(np.float32)
+    graph = nx.grid_2d_graph(*shape.shape).subgraph([tuple(cell) for cell in np.argwhere(line).tolist()])
+    left = prune(np.where(line, 0, -1).astype(np.int32), distance, least)
+    assert {tuple(cell) for cell in np.argwhere(left >= 0).tolist()} == set(textbook_pruned(graph, distance, least))

@@ -47,3 +47,79 @@ def thin(label: Ints, order: Ints) -> NDArray[np.bool_]:
                 left[row, column] = -1
                 gone += 1
     return left >= 0
+
+
+@compiled
+def prune(line: Ints, distance: NDArray[np.float32], least: float) -> Ints:
+    """(H, W) the lines without the spurs that corners and niches leave, -1 elsewhere.
+
+    line (H, W): number of the shape that each cell of its line belongs to, -1 elsewhere; distance (H, W) to the
+    nearest cell that is not free.  A spur leads from a joint to its tip and reaches less than ``least`` times the
+    joint's distance beyond the disc there.  At each joint the shortest goes, again and again: what it met there may be
+    one line with the longer one.
+    """
+    left = line.copy()
+    cells = np.flatnonzero(left.ravel() >= 0)
+    while True:
+        joints, reaches, tips = _spurs(left, cells, distance, least)
+        for spur in range(len(tips)):
+            is_shortest = True
+            for other in range(len(tips)):
+                earlier = reaches[other] < reaches[spur] or (reaches[other] == reaches[spur] and other < spur)
+                is_shortest &= not (joints[other] == joints[spur] and earlier)
+            if not is_shortest:
+                continue
+            here = tips[spur]
+            while here != joints[spur]:
+                after = _next_on_line(left, here, -1)
+                left[here // line.shape[1], here % line.shape[1]] = -1
+                here = after
+        if not len(tips):
+            return left
+        cells = cells[left.ravel()[cells] >= 0]
+
+
+@compiled
+def _spurs(left: Any, cells: Any, distance: Any, least: float) -> Any:
+    """The joints, reaches and tips of all lines that end and are too short, by tip."""
+    width = left.shape[1]
+    joints, tips = np.empty(len(cells), np.int64), np.empty(len(cells), np.int64)
+    reaches = np.empty(len(cells), np.float64)
+    count = 0
+    for tip in cells:
+        if _degree(left, tip) != 1:
+            continue
+        before, here = tip, _next_on_line(left, tip, -1)
+        while _degree(left, here) == 2:
+            before, here = here, _next_on_line(left, here, before)
+        there = distance[here // width, here % width]
+        away = np.hypot(float(tip // width - here // width), float(tip % width - here % width))
+        reach = away + distance[tip // width, tip % width] - there
+        if _degree(left, here) > 2 and reach < least * there:
+            joints[count], reaches[count], tips[count] = here, reach, tip
+            count += 1
+    return joints[:count], reaches[:count], tips[:count]
+
+
+@compiled_part
+def _degree(left: Any, cell: int) -> int:
+    """How many cells of the same line share a side with this one."""
+    height, width = left.shape
+    row, column = cell // width, cell % width
+    degree = 0
+    for k in range(0, 8, 2):
+        r, c = row + RING[k, 0], column + RING[k, 1]
+        degree += 0 <= r < height and 0 <= c < width and left[r, c] == left[row, column]
+    return degree
+
+
+@compiled_part
+def _next_on_line(left: Any, cell: int, before: int) -> int:
+    """A cell of the same line that shares a side with this one, and is not the one before; -1 if there is none."""
+    height, width = left.shape
+    row, column = cell // width, cell % width
+    for k in range(0, 8, 2):
+        r, c = row + RING[k, 0], column + RING[k, 1]
+        if 0 <= r < height and 0 <= c < width and left[r, c] == left[row, column] and r * width + c != before:
+            return int(r * width + c)
+    return -1
