@@ -82,6 +82,32 @@ def pieces(label: Ints) -> tuple[Ints, int]:
 
 
 @compiled
+def thick_first(thickness: Floats, distance: Floats) -> Ints:
+    """(F,) flat indices of the cells whose distance is not 0: the thickest first, of equally thick ones the farthest
+    from what is not free, then by position; widths in whole sixteenths of a cell, up to 4095 cells.
+    """
+    first, second = distance.ravel(), thickness.ravel()
+    order = np.flatnonzero(first > 0).astype(np.int32)
+    for width in (first, second):
+        start = np.zeros(65537, np.int64)
+        for cell in order:
+            start[65535 - _sixteenths(width[cell]) + 1] += 1
+        start = np.cumsum(start)
+        result = np.empty(order.size, np.int32)
+        for cell in order:
+            key = 65535 - _sixteenths(width[cell])
+            result[start[key]] = cell
+            start[key] += 1
+        order = result
+    return order
+
+
+@compiled_part
+def _sixteenths(width: float) -> int:
+    return int(min(width * 16, 65535))
+
+
+@compiled
 def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, step: float) -> tuple[Ints, int]:
     """Zones of alike thickness: (H, W) zone of each cell, -1 for cells not in order; and their number.
 

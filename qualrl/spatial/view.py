@@ -80,11 +80,7 @@ def enlarged(flags: Flags, zoom: int) -> Flags:
 
 def flat_zones(thickness: Floats, distance: Floats, pinch: float, step: float) -> tuple[Labels, int]:
     """(h, w) zones of alike thickness, -1 where distance is 0, and their number: see ``kernels.regions.flat_zones``."""
-    order = np.flatnonzero(distance > 0).astype(np.int32)
-    for width in (distance, thickness):
-        # Whole sixteenths of a cell sort in linear time; both sorts are stable, so the second one rules.
-        sixteenths = np.minimum(width.ravel()[order] * 16, 65535).astype(np.uint16)
-        order = order[np.argsort(65535 - sixteenths, kind="stable")]
+    order = kernels.thick_first(thickness, distance)
     return kernels.flat_zones(thickness, distance, order, pinch, step)
 
 

@@ -13,9 +13,11 @@ or twice as large, or with 1 % of its cells black or white; and seconds and memo
 
 import argparse
 import time
-import tracemalloc
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
+from resource import RUSAGE_SELF, getrusage
 from typing import Any
 
 import cv2
@@ -132,13 +134,18 @@ def report(title: str, cases: list[Case]) -> None:
     print(f"  {'seconds':22s}{np.mean(seconds):.3f}   at most {max(seconds):.3f}", flush=True)
 
 
-def memory(grid: OccupancyGrid) -> float:
-    """Bytes for each cell that segmenting needs at its peak, the map itself left out."""
-    tracemalloc.start()
+def memory(file: Path) -> float:
+    """Bytes for each cell that segmenting a map takes at its peak, in a process of its own, the map itself left out."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        return pool.submit(_memory, file).result()
+
+
+def _memory(file: Path) -> float:
+    qualrl.segment(random_floor_plan(0).grid)  # compiles
+    grid = qualrl.read_map(file)
+    before = getrusage(RUSAGE_SELF).ru_maxrss
     qualrl.segment(grid)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    return peak / grid.free.size
+    return 1024 * (getrusage(RUSAGE_SELF).ru_maxrss - before) / grid.free.size
 
 
 def main() -> None:
@@ -154,7 +161,8 @@ def main() -> None:
         cases = list(in_folder(folder))
         report(folder.name, cases)
         name, grid, _ = max(cases, key=lambda case: case[1].free.size)
-        print(f"  {name}: {grid.shape[0]} x {grid.shape[1]} cells, {memory(grid):.1f} bytes a cell")
+        used = memory(folder / f"{name}.yaml")
+        print(f"  {name}: {grid.shape[0]} x {grid.shape[1]} cells, {used:.1f} bytes a cell")
 
 
 if __name__ == "__main__":
