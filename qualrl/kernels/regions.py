@@ -113,12 +113,13 @@ def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, s
 
     order (F,): flat indices of the free cells from thick to thin.  A cell joins the thickest
     (then largest) zone beside it that is no step thicker, and other zones too if the way there is no pinch.
+    A zone's root is the first of its cells, hence the thickest.
     Thickness tells steps and distance tells pinches: the discs of two rooms may touch in a door of a thin wall.
     """
     height, width = thickness.shape
     thick, way = thickness.ravel(), distance.ravel()
     parent = np.full(thick.size, -1, np.int32)
-    peak, area = thick.copy(), np.ones(thick.size, np.int32)
+    area = np.ones(thick.size, np.int32)
     for cell in order:
         parent[cell] = cell
         best = -1
@@ -126,10 +127,10 @@ def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, s
             other = _beside(cell, side, height, width)
             if other >= 0 and parent[other] >= 0:
                 zone = find(parent, other)
-                if thick[cell] < step * peak[zone]:
+                if thick[cell] < step * thick[zone]:
                     continue
-                larger = best >= 0 and peak[zone] == peak[best] and area[zone] > area[best]
-                if best < 0 or peak[zone] > peak[best] or larger:
+                larger = best >= 0 and thick[zone] == thick[best] and area[zone] > area[best]
+                if best < 0 or thick[zone] > thick[best] or larger:
                     best = zone
         if best < 0:
             continue
@@ -141,8 +142,8 @@ def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, s
                 continue
             zone = find(parent, other)
             # Zones of less area than the way is wide are specks in which no place can lie.
-            is_one = way[cell] >= pinch * peak[zone] or min(area[zone], area[best]) <= way[cell] ** 2
-            if zone != best and thick[cell] >= step * peak[zone] and is_one:
+            is_one = way[cell] >= pinch * thick[zone] or min(area[zone], area[best]) <= way[cell] ** 2
+            if zone != best and thick[cell] >= step * thick[zone] and is_one:
                 parent[zone] = best
                 area[best] += area[zone]
     return _numbered(parent, height, width)

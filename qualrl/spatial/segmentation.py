@@ -61,17 +61,21 @@ def segment(
     is_pocket = cells < max(min_area_m2 / resolution_m**2, 9)
     is_pocket[np.argmax(cells)] = False
     apart = grid.free & is_pocket[island]
+    pocket = island[apart]
+    del island
     view = look(grid.free & ~apart, resolution_m, furniture_m)
     if resolution_m <= WALLED_M:
-        seen = view.to_grid(merged_regions(view, view.of_grid(grid.occupied), min_area_m2))
+        found = merged_regions(view, view.of_grid(grid.occupied), min_area_m2)
     else:
-        seen = view.to_grid(joined_regions(view, min_area_m2 / view.cell_m**2, pinch))
-    label = _settled(seen, grid.free & ~apart, min_area_m2 / resolution_m**2)
-    label[apart] = island[apart] + label.max() + 1
-    thickness = view.to_grid(view.thickness) / np.float32(view.zoom)
+        found = joined_regions(view, min_area_m2 / view.cell_m**2, pinch)
+    label = _settled(view.to_grid(found, -1), grid.free & ~apart, min_area_m2 / resolution_m**2)
+    label[apart] = pocket + label.max() + 1
+    thickness = view.to_grid(view.thickness, 0) / np.float32(view.zoom)
     parts = measure(label, apart, thickness)
-    distance = view.to_grid(view.distance) / np.float32(view.zoom)
-    unordered = find_doorways(parts.label, distance, view.to_grid(view.thing), pinch * parts.half_width, resolution_m)
+    distance = view.to_grid(view.distance, 0) / np.float32(view.zoom)
+    unordered = find_doorways(
+        parts.label, distance, view.to_grid(view.thing, -1), pinch * parts.half_width, resolution_m
+    )
     regions, order = describe(parts, unordered, grid.occupied, resolution_m)
     rank = np.argsort(order).astype(np.int32)
     label = np.where(grid.free, rank[parts.label], -1).astype(np.int32)

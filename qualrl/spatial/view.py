@@ -3,8 +3,9 @@
 The thickness of a cell is the radius of the largest free disc that covers it: the same all over a room or a
 corridor, with a jump where a corridor opens into a hall.
 
-H, W: rows, columns of the grid.  h, w: rows, columns of the view, which has a margin of one cell and, on
-maps drawn in few cells, two cells for each of the grid's (widths of 1 and 2 cells are alike otherwise).
+H, W: rows, columns of the grid.  h, w: rows, columns of the view, which shows the part of the grid that is free, with a
+margin of one cell and, on maps drawn in few cells, two cells for each of the grid's (widths of 1 and 2 cells are alike
+otherwise).
 """
 
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from typing import TypeVar
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import find_objects
 
 from qualrl.kernels import regions as kernels
 from qualrl.spatial.distance import distance_within, thickness_over
@@ -46,18 +48,28 @@ class View:
     """Cells of the view along each cell of the grid."""
     cell_m: float
     """Side of a cell of the view."""
+    window: tuple[slice, slice]
+    """The rows and columns of the grid that are shown."""
+    shape: tuple[int, int]
+    """(H, W)"""
 
-    def to_grid(self, array: NDArray[Number]) -> NDArray[Number]:
-        """(H, W) an array (h, w) as seen from the grid."""
-        return np.ascontiguousarray(array[1:-1, 1:-1][:: self.zoom, :: self.zoom])
+    def to_grid(self, array: NDArray[Number], elsewhere: int) -> NDArray[Number]:
+        """(H, W) an array (h, w) as seen from the grid, and its value where the view does not reach."""
+        whole = np.full(self.shape, elsewhere, array.dtype)
+        whole[self.window] = array[1:-1, 1:-1][:: self.zoom, :: self.zoom]
+        return whole
 
     def of_grid(self, flags: Flags) -> Flags:
         """(h, w) flags (H, W) of the grid as seen in the view."""
-        return enlarged(flags, self.zoom)
+        return enlarged(flags[self.window], self.zoom)
 
 
 def look(free: Flags, cell_m: float, furniture_m: float) -> View:
     """The view of free cells (H, W) with sides of cell_m, past things smaller than furniture_m."""
+    shape = (free.shape[0], free.shape[1])
+    rows, columns = find_objects(free.astype(np.uint8))[0]
+    window = (rows, columns)
+    free = free[window]
     zoom = 2 if np.median(distance_within(np.pad(free, 1))[1:-1, 1:-1][free]) < COARSE_CELLS else 1
     larger, gap = enlarged(free, zoom), enlarged(_gaps(free), zoom)
     thing = _furniture(larger, cell_m / zoom, zoom, furniture_m)
@@ -70,7 +82,7 @@ def look(free: Flags, cell_m: float, furniture_m: float) -> View:
     distance = distance_within(clear)
     thickness = thickness_over(distance)
     distance[gap & clear] = thickness[gap & clear] = GAP_DISTANCE
-    return View(distance, thickness, thing, zoom, cell_m / zoom)
+    return View(distance, thickness, thing, zoom, cell_m / zoom, window, shape)
 
 
 def enlarged(flags: Flags, zoom: int) -> Flags:
