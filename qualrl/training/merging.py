@@ -50,7 +50,7 @@ def samples_of(seed: int, stored: Stored, crowded: bool) -> Samples:
     grid, place = varied(plan, np.random.default_rng([seed, 1])) if crowded else (plan.grid, plan.place)
     view = look(grid.free, grid.resolution_m, FURNITURE_M)
     graph = zone_graph_of(view, view.of_grid(grid.occupied))
-    place = place.repeat(view.zoom, 0).repeat(view.zoom, 1)
+    place = place[view.window].repeat(view.zoom, 0).repeat(view.zoom, 1)
     return samples_on(graph, truth_of(graph, np.pad(place, 1, constant_values=-1)), unpacked(stored))
 
 
@@ -154,7 +154,7 @@ def train(plans: int, trees: int, jobs: int) -> Stored:
 def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--plans", type=int, default=1000)
+    parser.add_argument("--plans", type=int, default=800)
     parser.add_argument("--trees", type=int, default=150)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("merging.npz"))
