@@ -19,7 +19,8 @@ import qualrl
 from qualrl.errors import MapError, PlaceError, ScenarioError, SettingError, UnknownNameError
 from qualrl.io.model_file import fingerprint, read_model, write_model
 from qualrl.learning.online import Online
-from qualrl.report.overlay import NOT_FREE, TIGHT, WALL, colour_index, draw_overlay
+from qualrl.report.overlay import draw_overlay
+from qualrl.report.region_colours import NOT_FREE, TIGHT, WALL, colour_index
 from qualrl.spatial.footprint import clearance
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.place import PlaceCell, PlaceName, resolve_cell
