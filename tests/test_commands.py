@@ -142,8 +142,18 @@ def test_show_tells_the_same_of_map_and_scenario(here):
     assert "19 x 9 cells" in text
     assert "8 corner, 2 centre" in text
     assert "\x1b" not in text
-    wings = [line for line in qualrl("show", "office", cwd=here)[0].splitlines() if line.startswith("wing ")]
-    assert wings[1] == "wing B: room G, room I, corridor 2"
+
+
+def test_show_lists_wings(here):
+    """Two corridors with four rooms each, and a door between them."""
+    rooms = ["#" + 8 * ("." * 12 + "#")] * 13 + ["#" + 8 * "#####..######"]
+    corridors = ["#" + "." * 51 + middle + "." * 51 + "#" for middle in "##..#"]
+    draw(here, "wings", "\n".join(["#" * 105, *rooms, *corridors, "#" * 105]), 0.3)
+    wings = [line for line in qualrl("show", "wings.yaml", cwd=here)[0].splitlines() if line.startswith("wing ")]
+    assert wings == [
+        "wing A: room A, room C, room E, room G, corridor 1",
+        "wing B: room B, room D, room F, room H, corridor 2",
+    ]
 
 
 def test_learn_then_plan_from_its_folder(here):

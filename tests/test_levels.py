@@ -25,10 +25,17 @@ from tests.worlds import TWO_ROOMS, free_masks, grid_of
 
 
 @pytest.fixture(scope="module")
-def office() -> HybridMDP:
-    """The bundled office with all levels."""
-    scenario = qualrl.load_scenario(ROOT / "maps/office.scenario.yaml")
-    return qualrl.build(scenario.regions(), "room C", start="room A", gamma=0.999, levels=4)
+def building() -> HybridMDP:
+    """Two corridors with four rooms each and a door between them, with all levels."""
+    free = np.zeros((21, 109), np.bool_)
+    for left in (1, 55):
+        free[15:20, left : left + 53] = True
+        for room in range(4):
+            free[1:14, left + 13 * room : left + 13 * room + 12] = True
+            free[14, left + 13 * room + 5 : left + 13 * room + 7] = True
+    free[16:18, 54] = True
+    regions = qualrl.segment(qualrl.OccupancyGrid.from_free(free, 0.3))
+    return qualrl.build(regions, "room C", start="room B", gamma=0.999, levels=4)
 
 
 def assert_is_a_hierarchy(model):
@@ -54,9 +61,9 @@ def assert_is_a_hierarchy(model):
         finer = level
 
 
-def test_the_office_has_wings_and_one_floor(office):
-    assert_is_a_hierarchy(office)
-    regions, wings, floors = office.levels
+def test_the_building_has_wings_and_one_floor(building):
+    assert_is_a_hierarchy(building)
+    regions, wings, floors = building.levels
     assert 1 < len(wings.names) < len(regions.names)
     assert wings.names[0] == "wing A"
     assert floors.names == ("floor A",)
@@ -66,8 +73,8 @@ def test_the_office_has_wings_and_one_floor(office):
     assert len(corridor) > 2
 
 
-def test_wings_are_the_same_in_another_process(office, tmp_path):
-    write_graph_json(office.graph, tmp_path / "graph.json")
+def test_wings_are_the_same_in_another_process(building, tmp_path):
+    write_graph_json(building.graph, tmp_path / "graph.json")
     code = (
         "from pathlib import Path; from qualrl.io.graph_file import read_graph_json; "
         "from qualrl.models.levels import groupings; print(groupings(read_graph_json(Path('graph.json')), 4))"
@@ -77,7 +84,7 @@ def test_wings_are_the_same_in_another_process(office, tmp_path):
             [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True,
             env=os.environ | {"PYTHONHASHSEED": seed},
         )  # fmt: skip
-        assert done.stdout.strip() == str(office.coarser)
+        assert done.stdout.strip() == str(building.coarser)
 
 
 @given(st.data(), free_masks(side=9, connected=False), st.sampled_from([2, 3, 4]))
@@ -145,13 +152,13 @@ def test_files_without_levels_are_as_before(tmp_path):
     assert "coarser" not in read_arrays(tmp_path / "m.npz", "qualrl-hybrid-mdp/1")[0]
 
 
-def test_wings_fold_as_regions_do(office):
-    for number, level in enumerate(office.levels, 2):
-        folded = fold(office, level)
+def test_wings_fold_as_regions_do(building):
+    for number, level in enumerate(building.levels, 2):
+        folded = fold(building, level)
         values = folded.solve()
         states = folded.ways.state[:-1]
         np.testing.assert_allclose(values.value[:-1], folded.exact.shifted[states], rtol=1e-9)
-        audit = audit_theorem1(office, number)
+        audit = audit_theorem1(building, number)
         assert audit.kind == ("region", "wing", "floor")[number - 2]
         assert audit.refined.reaches_optimum
         assert audit.start_values[1] == pytest.approx(audit.start_values[0], rel=1e-12)
