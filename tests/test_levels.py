@@ -20,7 +20,6 @@ from qualrl.models.levels import Grouping, wings_of
 from qualrl.solving.fold import fold
 from qualrl.solving.theorem1 import audit_theorem1
 from tests.small_worlds import tables
-from tests.test_commands import ROOT
 from tests.worlds import TWO_ROOMS, free_masks, grid_of
 
 

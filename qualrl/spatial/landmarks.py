@@ -140,7 +140,7 @@ def _corridor_marks(
         elif degree <= 1 and not _has_doorway(doorways, region, cell, float(width[region])):
             end = _clear_of_walls(lines, node, distance, float(half_width[region]))
             dead_ends.append(_free_beside(label == region, end))
-    return _spread(junctions, float(width[is_corridor].mean()) + 1.0), dead_ends
+    return _spread(junctions, float(width[is_corridor].mean()) + 1.0), list(dict.fromkeys(dead_ends))
 
 
 def _without_holes(inside: Ints, width: Floats) -> Ints:
