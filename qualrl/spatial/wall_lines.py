@@ -91,7 +91,8 @@ def main_turn_deg(wall: Flags) -> float:
 
     rough = max(range(-45, 45), key=lambda degrees: (sharpness(degrees), -abs(degrees)))
     tenths = range(10 * rough - 10, 10 * rough + 11)
-    return max(tenths, key=lambda tenth: (sharpness(tenth / 10), -abs(tenth))) / 10
+    turn_deg = max(tenths, key=lambda tenth: (sharpness(tenth / 10), -abs(tenth))) / 10
+    return turn_deg if turn_deg >= -45 else turn_deg + 90
 
 
 def _upright(turn_deg: float, shape: tuple[int, ...]) -> tuple[NDArray[np.float64], tuple[int, int]]:
