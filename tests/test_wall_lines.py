@@ -184,8 +184,9 @@ def test_walls_drawn_grey_are_walls(turn_deg):
 def test_where_walls_are_drawn_other_rims_are_what_was_not_seen():
     wall, clear = divided(0, 0.9)
     np.testing.assert_array_equal(walls_of(wall, clear), wall)
-    rest = wall.copy()
-    rest[:, 150:] = False
+    most, rest = wall.copy(), wall.copy()
+    most[:, :150] = rest[:, 150:] = False
+    np.testing.assert_array_equal(walls_of(most, clear), most)
     drawn = walls_of(rest, clear)
     assert drawn.sum() > rest.sum()
     assert drawn[rest].all()
