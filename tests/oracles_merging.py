@@ -56,13 +56,13 @@ def reaches(zone, count, towards):
     return found
 
 
-def line_around(cell, line, support):
-    """The best supported line within a row and a column of a cell, -1 where none."""
+def line_around(some, line, support):
+    """The best supported line within a row and a column of any of some cells, -1 where none."""
     near = {
         number
         for row, cells in enumerate(line)
         for column, number in enumerate(cells)
-        if number >= 0 and max(abs(row - cell[0]), abs(column - cell[1])) <= 1
+        if number >= 0 and any(max(abs(row - r), abs(column - c)) <= 1 for r, c in some)
     }
     return max(near, key=lambda number: support[number], default=-1)
 
