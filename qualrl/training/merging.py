@@ -29,7 +29,7 @@ from qualrl.spatial.view import look
 
 FIRST_SEED = 1_000_000
 """Tests use smaller seeds."""
-BAGS = 4
+BAGS = 2
 """So many sets of trees of each kind of plan are averaged."""
 SAMPLES = 30_000
 """At most so many of a plan are kept."""
@@ -95,7 +95,7 @@ def trained(samples: Samples, trees: int) -> Stored:
     count = len(kernels.FEATURES)
     weight = np.sqrt(np.minimum(samples[:, count + 1], 20)) + 0.05
     model = HistGradientBoostingClassifier(
-        max_iter=trees, learning_rate=0.1, max_leaf_nodes=24, l2_regularization=1.0, min_samples_leaf=80,
+        max_iter=trees, learning_rate=0.08, max_leaf_nodes=24, l2_regularization=1.0, min_samples_leaf=80,
         early_stopping=False, random_state=0,
     )  # fmt: skip
     model.fit(samples[:, :count], samples[:, count] > 0, sample_weight=weight)
@@ -154,8 +154,8 @@ def train(plans: int, trees: int, jobs: int) -> Stored:
 def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--plans", type=int, default=800)
-    parser.add_argument("--trees", type=int, default=150)
+    parser.add_argument("--plans", type=int, default=900)
+    parser.add_argument("--trees", type=int, default=200)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("merging.npz"))
     chosen = parser.parse_args()

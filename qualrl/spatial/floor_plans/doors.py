@@ -57,7 +57,7 @@ def random_doors(layout: Layout, wall_m: float, crowded: bool) -> tuple[list[Doo
         ways_round = 0.12 if _corridors(layout, pair) else 0.05
         if most_m < 0.85 or rng.random() > (ways_round if reached.connected(*pair) else 0.97):
             continue
-        if _is_mouth(layout, pair, side) and rng.random() < 0.7:
+        if crowded and _is_mouth(layout, pair, side) and rng.random() < 0.5:
             doors.append(_mouth(pair, side, wall_m, opened))
             reached.merge(*pair)
             continue

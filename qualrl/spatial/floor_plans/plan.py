@@ -45,7 +45,7 @@ def random_floor_plan(seed: int, *, style: str | None = None, crowded: bool = Fa
     """A plan of 9 to 60 m with cells of 0.05 m; the same seed and style give the same plan.
 
     style: one of ``STYLES``; by default any.  crowded: with what is hard to tell from walls and doors: rows of desks,
-    and walls that are hardly more than a row of doors.
+    walls that are hardly more than a row of doors, corridors that open into rooms over all their width.
 
     Raises SettingError for a style that there is none of.
     """
