@@ -139,6 +139,35 @@ def test_any_map_is_partitioned(free: np.ndarray, resolution_m: float) -> None:
     check(segment(OccupancyGrid.from_free(free, resolution_m)))
 
 
+@settings(deadline=None, max_examples=50)
+@given(FREE, st.sampled_from([0.05, 1.0]))
+def test_label_images_count_from_1_and_leave_pockets_out(free: np.ndarray, resolution_m: float) -> None:
+    check_label_image(segment(OccupancyGrid.from_free(free, resolution_m)))
+
+
+def test_a_pocket_is_not_in_the_label_image() -> None:
+    free = two_rooms().free.copy()
+    free[20:23, 82:84] = True
+    seen = segment(OccupancyGrid.from_free(free, 0.05))
+    image = check_label_image(seen)
+    assert sorted(region.kind for region in seen.regions) == ["pocket", "room", "room"]
+    assert np.unique(image).size == 3
+    assert (image[20:23, 82:84] == 0).all()
+    assert image[60, 40] != image[60, 120]
+    np.testing.assert_array_equal((image > 0).sum(), free.sum() - 6)
+
+
+def check_label_image(seen: RegionMap) -> np.ndarray:
+    """One cell at a time: the number of its region counted from 1, 0 in pockets and where not free."""
+    image = seen.label_image()
+    assert image.dtype == np.int32
+    assert image.shape == seen.label.shape
+    for cell, index in np.ndenumerate(seen.label):
+        is_pocket = index >= 0 and seen.regions[index].kind == "pocket"
+        assert image[cell] == (0 if is_pocket or not seen.grid.free[cell] else index + 1)
+    return image
+
+
 @settings(deadline=None, max_examples=40)
 @given(FREE, st.integers(2, 5), st.sampled_from([0.05, 0.2]))
 def test_any_map_of_larger_blocks_is_partitioned(free: np.ndarray, block: int, resolution_m: float) -> None:
