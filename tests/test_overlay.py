@@ -191,6 +191,33 @@ def test_hundreds_of_small_regions_are_no_heap_of_text():
     words = [text.get_text() for text in texts_of(figure)]
     assert len(words) < 30
     assert any(f"without a name here: {len(regions.regions):,} regions" in word for word in words)
+    assert any("not drawn: 900 centres" in word for word in words)
+    assert "centre" not in words
+    assert "centre" in {text.get_text() for text in texts_of(overlay_figure(regions, size=(2000, 2000)))}
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_names_and_widths_leave_the_centres_free(office, size):
+    """The office has room enough: no text lies on the mark of any region's centre."""
+    figure = overlay_figure(office, size=size)
+    centres = next(line for line in figure.axes[0].lines if line.get_gid() == "centre").get_xydata()
+    assert len(centres) == len(office.regions)
+    for x, y in centres:
+        for left, bottom, right, top in drawn_boxes(figure):
+            assert not (left < x < right and bottom < size[1] - y < top)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_widths_are_not_struck_through_by_walls(office, size):
+    figure = overlay_figure(office, size=size)
+    pixels = np.asarray(figure.axes[0].images[0].get_array())
+    is_wall = (pixels == np.multiply(to_rgb(region_colours.WALL), 255).round()).all(axis=2)
+    left, _, _, top = figure.axes[0].images[0].get_extent()
+    widths = [text for text in texts_of(figure) if text.get_text().endswith("0 m")]
+    assert len(widths) >= 8
+    for text in widths:
+        x, y = text.get_position()
+        assert not is_wall[int(y - top), int(x - left) - 6 : int(x - left) + 7].all(), text.get_text()
 
 
 def test_far_pockets_and_unknown_take_no_room_but_a_path_does():

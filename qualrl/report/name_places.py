@@ -22,6 +22,8 @@ SPECK_EM = 0.5
 """Furniture smaller than this does not keep names away."""
 LARGEST_EM, SIZES = 1.5, 5
 """Names are tried from this many em down to the smallest size that can be read, in so many steps."""
+WHOLE_EM = 0.55
+"""Where there is a shorter name, the whole one is not set smaller than this: in large pictures it would be lost."""
 LONGEST_LETTERS = 3
 """A text of so few letters is never upright: an N would be a Z."""
 UPRIGHT_COUNTS = 0.7
@@ -30,6 +32,9 @@ GAP_PX = 2
 """Free pixels around a text."""
 WHOLE_SHARE, OWN_SHARE = 0.96, 0.7
 """A name lies on its region, but for specks; in one too narrow at least with this share, the rest on walls."""
+MOST_WALL = 0.3
+"""Text beside a door lies on walls with at most this share, and in line with the wall not at all: black would strike
+it through."""
 
 Mask = NDArray[np.bool_]
 Box = tuple[float, float]
@@ -79,17 +84,19 @@ class Room:
         """Take the place of a text with its middle there."""
         self.taken[self._slices(x, y, box)] = True
 
-    def free(self, x: float, y: float, box: Box, on: Sequence[int], over_marks: bool) -> bool:
-        """Whether a text there lies on the map, covers no other, and nothing but those regions (-1: walls).
+    def free(self, x: float, y: float, box: Box, on: Sequence[int], most_wall: float, over_marks: bool) -> bool:
+        """Whether a text there lies on the map, covers no other, and nothing but those regions and walls.
 
-        over_marks: whether it may cover landmarks and the path.
+        most_wall: the share of it that may lie on walls; over_marks: whether it may cover landmarks and the path.
         """
         left, top = x - self.sheet.left - box[0] / 2, y - self.sheet.top - box[1] / 2
         if left < 0 or top < 0 or left + box[0] > self.label.shape[1] or top + box[1] > self.label.shape[0]:
             return False
         at = self._slices(x, y, box)
         covers = self.taken[at].any() or (not over_marks and self.marked[at].any())
-        return not covers and bool(np.isin(self.label[at], on).all())
+        if covers or not np.isin(self.label[at], (-1, *on)).all():
+            return False
+        return bool((self.label[at] < 0).mean() <= most_wall)
 
     def _slices(self, x: float, y: float, box: Box) -> tuple[slice, slice]:
         middle = y - self.sheet.top, x - self.sheet.left
@@ -140,22 +147,26 @@ def _place(
     rows, columns = np.ogrid[: own.shape[0], : own.shape[1]]
     clearness = np.asarray(apart - 0.2 * np.hypot(rows - centre[0], columns - centre[1]), np.float32)
     free = own & ~taken
-    fills = [(free & ~room.marked[window], WHOLE_SHARE), (free, WHOLE_SHARE)]
-    if region.kind != "pocket":
-        fills.append((free, OWN_SHARE))
     usable = (own | (label < 0)) & ~taken
+    unmarked = ~room.marked[window]
+    fills = [(free & unmarked, WHOLE_SHARE, usable & unmarked), (free, WHOLE_SHARE, usable)]
+    if region.kind != "pocket":
+        fills.append((free, OWN_SHARE, usable))
     high, wide = box[0].stop - box[0].start, box[1].stop - box[1].start
     for text in texts:
         ways = _ways(text, room.sheet.em, letters)
-        for fill, share in fills:
+        least = SMALLEST_PX if text == texts[-1] else max(SMALLEST_PX, WHOLE_EM * room.sheet.em)
+        for fill, share, within in fills:
             total = int(fill.sum())
             for size, written, upright, sides in ways:
+                if size < least:
+                    continue
                 # Most ways fail in small regions, and are told by their sizes alone.
                 if share < WHOLE_SHARE and size > room.sheet.em:
                     continue  # beyond its region a name had better be small
                 if min(total, min(sides[0], wide) * min(sides[1], high)) < share * sides[0] * sides[1]:
                     continue
-                spot = _spot(fill, usable, share, sides, clearness)
+                spot = _spot(fill, within, share, sides, clearness)
                 if spot is not None:
                     at = (room.sheet.left + left + spot[1] + 0.5, room.sheet.top + top + spot[0] + 0.5)
                     return Lettered(written, *at, size, upright)
@@ -213,22 +224,23 @@ def _share_of(mask: Mask, across: int, down: int) -> NDArray[np.float32]:
 
 def place_beside(
     text: str, size: float, middle: NDArray[np.float64], reach: NDArray[np.float64], on: Sequence[int],
-    room: Room, letters: Lettering, gap_px: float,
+    room: Room, letters: Lettering, gap_px: float, must: bool = False,
 ) -> Lettered | None:  # fmt: skip
     """A place for text at the middle of a chord, on either side of it, or beyond its ends; None without room.
 
-    reach: (x, y) from the middle to an end of the chord; on: the regions that the text may lie on.
+    reach: (x, y) from the middle to an end of the chord; on: the regions that the text may lie on; must: rather than
+    leave it out, it covers walls, landmarks and the path.
     """
     box = letters.box(text, size)
     length = float(np.hypot(*reach))
     along = reach / length if length > 0 else np.array([1.0, 0.0])
     across = np.array([-along[1], along[0]])
     ways = ((across, 0.0), (-across, 0.0), (along, length), (-along, length))
-    for over_marks, covered in ((False, on), (False, (-1, *on)), (True, (-1, *on))):
+    for most_wall, over_marks in ((0.0, False), (MOST_WALL, False), *([(1.0, True)] if must else [])):
         for way, start in ways:
             out = start + gap_px + abs(way[0]) * box[0] / 2 + abs(way[1]) * box[1] / 2
             x, y = (middle + way * out).tolist()
-            if room.free(x, y, box, covered, over_marks):
+            if room.free(x, y, box, on, 0.0 if start and not must else most_wall, over_marks):
                 room.take(x, y, box)
                 return Lettered(text, x, y, size)
     return None

@@ -3,7 +3,9 @@
 The picture has the map's orientation: row 0 on top.  Sizes and places are in pixels (see ``sheet``).
 """
 
-from collections.abc import Sequence
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +31,11 @@ MARKERS = {"corner": "s", "junction": "D", "dead end": "v", "placed": "o", "cent
 MARK_COLOURS = {"corner": MARK, "junction": "#1b5e20", "dead end": "#7a3e00", "placed": MARK, "centre": "#005a73"}
 OTHER_MARKERS = "^<>hXdp"
 """For kinds of landmarks that have no marker of their own, in the order of their names."""
-MANY_MARKS = 400
-"""More landmarks of a kind than this are drawn smaller."""
+MARK_EM, MARKS_SHARE, SMALLEST_MARK_PX = 0.42, 0.05, 2.5
+"""Landmarks are so large, but those of one kind cover at most this share of the regions; kinds whose marks would be
+smaller than that are left out."""
+MANY_DOORS = 400
+"""More doors than this are drawn without a casing."""
 MOST_WIDTHS, LEAST_WIDTHS = 150, 0.3
 """The widths of more doors are a heap of text; if a smaller share finds room, none is written."""
 
@@ -51,20 +56,25 @@ def overlay_figure(
     around = size or default_size(*(side.stop - side.start for side in window))
     em = em_of(*around)
     lines = 1 if around[0] > 1000 else 2
-    legend = furniture.flow(_entries(regions, path, em), *_beside_scale(around, em), em, letters)
     head = 1.9 * em if title else 0.3 * em
-    foot = (furniture.ROW_EM * max(legend.rows, 2) + 1.25 * lines + 0.5) * em
-    page = size or (around[0], around[1] + round(head + foot))
-    sheet = lay_out(window, page, head, foot, em)
-    figure, axes = blank(page)
-    caption = _draw_map(axes, regions, path, sheet, letters)
-    below = page[1] - foot
+
+    def sheet_above(legend_rows: int) -> Sheet:
+        foot = (furniture.ROW_EM * max(legend_rows, 2) + 1.25 * lines + 0.5) * em
+        page = size or (around[0], around[1] + round(head + foot))
+        return lay_out(window, page, head, foot, em)
+
+    marks = _mark_sizes(regions, sheet_above(2))
+    legend = furniture.flow(_entries(regions, path, em, sorted(marks)), *_beside_scale(around, em), em, letters)
+    sheet = sheet_above(legend.rows)
+    figure, axes = blank((sheet.width, sheet.height))
+    caption = _draw_map(axes, regions, path, sheet, marks, letters)
+    below = sheet.height - sheet.foot
     _draw_around(axes, regions, sheet, letters, legend, below)
     if title:
         _draw_title(axes, title, sheet, letters)
     small = max(SMALLEST_PX, 0.8 * em)
     under = below + furniture.ROW_EM * max(legend.rows, 2) * em
-    for row, line in enumerate(furniture.wrap(caption, small, page[0] - 1.4 * em, lines, letters)):
+    for row, line in enumerate(furniture.wrap(caption, small, sheet.width - 1.4 * em, lines, letters)):
         letters.write(axes, 0.7 * em, under + (0.7 + 1.2 * row) * em, line, small, centred=False)
     return figure
 
@@ -74,7 +84,9 @@ def _beside_scale(size: Size, em: float) -> tuple[float, float]:
     return furniture.BAR_SHARE * size[0] + 8.2 * em, size[0]
 
 
-def _draw_map(axes: Axes, regions: RegionMap, path: Sequence[Cell], sheet: Sheet, letters: Lettering) -> list[str]:
+def _draw_map(
+    axes: Axes, regions: RegionMap, path: Sequence[Cell], sheet: Sheet, sizes: Mapping[str, float], letters: Lettering
+) -> list[str]:
     """All that lies on the map.  Returns what the caption has to say of it."""
     image = region_colours.region_image(regions, sheet.window, sheet.map_height, sheet.map_width)
     sides = (sheet.left, sheet.left + sheet.map_width, sheet.top + sheet.map_height, sheet.top)
@@ -83,14 +95,14 @@ def _draw_map(axes: Axes, regions: RegionMap, path: Sequence[Cell], sheet: Sheet
     room = Room(regions, sheet)
     chords = [chord_of(door, regions, sheet) for door in regions.doorways]
     _draw_doors(axes, regions, chords, sheet, room)
-    _draw_landmarks(axes, regions, sheet, room)
+    _draw_landmarks(axes, regions, sizes, room)
     _draw_path(axes, path, sheet, room)
     names = place_names(regions, room, letters)
     widths = _place_widths(regions, chords, room, letters)
     marks = _place_marks(regions, room, letters)
     for one in [*names.values(), *widths, *marks]:
         letters.write(axes, one.x, one.y, one.text, one.size, upright=one.upright, halo_px=0.22 * one.size)
-    return _caption(regions, names, len(widths), letters)
+    return [*_caption(regions, names, len(widths), letters), _left_out(regions, sizes)]
 
 
 def chord_of(door: Doorway, regions: RegionMap, sheet: Sheet) -> NDArray[np.float64]:
@@ -116,7 +128,7 @@ def _draw_doors(
         if drawn:
             width = px(_door_px(sheet.em) * (0.75 if is_open else 1.0))
             lines = LineCollection(drawn, colors=DOOR, linestyles=[dashes], linewidths=width, zorder=3, gid="doors")
-            if len(drawn) <= MANY_MARKS:
+            if len(drawn) <= MANY_DOORS:
                 lines.set_path_effects(casing)
             axes.add_collection(lines, autolim=False)
             room.mark_lines(drawn, _door_px(sheet.em) / 2)
@@ -133,18 +145,27 @@ def _style(kind: str, kinds: Sequence[str]) -> tuple[str, str]:
     return marker, MARK_COLOURS.get(kind, MARK)
 
 
-def _kinds(regions: RegionMap) -> list[str]:
-    """Kinds of the landmarks that are drawn as marks, by name; doorways are drawn as chords."""
-    return sorted({mark.kind for mark in regions.landmarks if mark.kind != "doorway"})
+def _mark_sizes(regions: RegionMap, sheet: Sheet) -> dict[str, float]:
+    """In pixels, of each kind of landmarks that is drawn as marks; doorways are drawn as chords."""
+    counts = Counter(mark.kind for mark in regions.landmarks if mark.kind != "doorway" and sheet.shows(mark.cell))
+    room = MARKS_SHARE * sheet.scale**2 * np.count_nonzero(regions.label[sheet.window] >= 0)
+    sizes = {kind: min(MARK_EM * sheet.em, math.sqrt(room / count)) for kind, count in counts.items()}
+    return {kind: size for kind, size in sizes.items() if size >= SMALLEST_MARK_PX}
 
 
-def _draw_landmarks(axes: Axes, regions: RegionMap, sheet: Sheet, room: Room) -> None:
-    kinds = _kinds(regions)
-    for kind in kinds:
+def _left_out(regions: RegionMap, sizes: Mapping[str, float]) -> str:
+    """What the caption says of landmarks that are too many to be drawn."""
+    counts = Counter(mark.kind for mark in regions.landmarks if mark.kind not in ("doorway", *sizes))
+    listed = ", ".join(f"{count:,} {kind}{'' if count == 1 else 's'}" for kind, count in sorted(counts.items()))
+    return f"not drawn: {listed}" if listed else ""
+
+
+def _draw_landmarks(axes: Axes, regions: RegionMap, sizes: Mapping[str, float], room: Room) -> None:
+    sheet = room.sheet
+    for kind, size in sorted(sizes.items()):
         marks = [mark for mark in regions.landmarks if mark.kind == kind and sheet.shows(mark.cell)]
-        places = np.array([sheet.at(*mark.cell) for mark in marks]).reshape(-1, 2)
-        size = (0.42 if len(places) <= MANY_MARKS else 0.25) * sheet.em
-        marker, colour = _style(kind, kinds)
+        places = np.array([sheet.at(*mark.cell) for mark in marks])
+        marker, colour = _style(kind, sorted(sizes))
         axes.plot(
             places[:, 0], places[:, 1], marker, color=colour, markersize=px(size), markeredgecolor="white",
             markeredgewidth=0.4, zorder=4, gid=kind,
@@ -200,7 +221,7 @@ def _place_marks(regions: RegionMap, room: Room, letters: Lettering) -> list[Let
     found = [
         place_beside(
             letters.writable(mark.name), size, np.array(room.sheet.at(*mark.cell)), np.zeros(2), mark.regions,
-            room, letters, 0.3 * room.sheet.em + 2,
+            room, letters, 0.3 * room.sheet.em + 2, must=True,
         )
         for mark in regions.landmarks
         if mark.kind == "placed"
@@ -208,14 +229,13 @@ def _place_marks(regions: RegionMap, room: Room, letters: Lettering) -> list[Let
     return [place for place in found if place is not None]
 
 
-def _entries(regions: RegionMap, path: Sequence[Cell], em: float) -> list[Entry]:
+def _entries(regions: RegionMap, path: Sequence[Cell], em: float, kinds: Sequence[str]) -> list[Entry]:
     """The legend: what occurs on this map, and nothing else."""
     entries = [
         Entry(name, {"color": DOOR, "linestyle": DASHES[is_open], "linewidth": px(_door_px(em))})
         for name, is_open in (("door", False), ("opening", True))
         if any(door.is_open == is_open for door in regions.doorways)
     ]
-    kinds = _kinds(regions)
     for kind in kinds:
         marker, colour = _style(kind, kinds)
         entries.append(

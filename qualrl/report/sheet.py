@@ -57,6 +57,8 @@ class Sheet:
     """Pixels a cell."""
     window: tuple[slice, slice]
     """Rows and columns of the map that are drawn."""
+    foot: float
+    """Height of what stands below the map."""
 
     def shows(self, cell: Cell) -> bool:
         """Whether a cell lies on the part of the map that is drawn."""
@@ -105,7 +107,7 @@ def lay_out(window: tuple[slice, slice], size: Size, head: float, foot: float, e
     scale = min(room[0] / columns, room[1] / rows)
     map_width, map_height = max(round(columns * scale), 1), max(round(rows * scale), 1)
     left, top = (size[0] - map_width) // 2, round(head + (room[1] - map_height) / 2)
-    return Sheet(*size, em, left, top, map_width, map_height, scale, window)
+    return Sheet(*size, em, left, top, map_width, map_height, scale, window, foot)
 
 
 def blank(size: Size) -> tuple[Figure, Axes]:
