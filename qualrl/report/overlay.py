@@ -170,7 +170,7 @@ def _draw_landmarks(axes: Axes, regions: RegionMap, sizes: Mapping[str, float], 
             places[:, 0], places[:, 1], marker, color=colour, markersize=px(size), markeredgecolor="white",
             markeredgewidth=0.4, zorder=4, gid=kind,
         )  # fmt: skip
-        room.mark(places, size / 2)
+        room.mark(places, 0.75 * size)
 
 
 def _draw_path(axes: Axes, path: Sequence[Cell], sheet: Sheet, room: Room) -> None:
@@ -289,7 +289,7 @@ def _caption(regions: RegionMap, names: dict[int, Lettered], widths: int, letter
     return [
         ", ".join(f"{short} = {letters.writable(name)}" for short, name in _examples(regions, shortened)),
         f"without a name here: {', '.join(counts)}" if counts else "",
-        f"without a width: {without} of {len(regions.doorways)} doors" if without and widths else "",
+        f"without a width: {without:,} of {len(regions.doorways):,} doors" if without else "",
     ]
 
 
