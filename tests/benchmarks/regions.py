@@ -17,7 +17,6 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
-from resource import RUSAGE_SELF, getrusage
 from typing import Any
 
 import cv2
@@ -143,9 +142,15 @@ def memory(file: Path) -> float:
 def _memory(file: Path) -> float:
     qualrl.segment(random_floor_plan(0).grid)  # compiles
     grid = qualrl.read_map(file)
-    before = getrusage(RUSAGE_SELF).ru_maxrss
+    before = _peak()
     qualrl.segment(grid)
-    return 1024 * (getrusage(RUSAGE_SELF).ru_maxrss - before) / grid.free.size
+    return (_peak() - before) / grid.free.size
+
+
+def _peak() -> int:
+    """Most bytes that this process ever had; Linux only (``getrusage`` counts what its parent had too)."""
+    (line,) = (line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
+    return 1024 * int(line.split()[1])
 
 
 def main() -> None:
