@@ -10,6 +10,8 @@ import qualrl
 from qualrl.errors import SettingError
 from qualrl.kernels.scanning import STRIDE, scan
 from qualrl.spatial.floor_plans import STYLES, random_floor_plan
+from qualrl.spatial.floor_plans.layout import Layout, _widen_corridors
+from qualrl.spatial.floor_plans.plan import _stubs
 from tests.oracles_regions import adjusted_rand_index
 
 SEEDS = st.integers(0, 2**32)
@@ -74,6 +76,39 @@ def test_a_scan_of_a_part_shows_less_than_one_of_all():
 
 def scanned(seed):
     return random_floor_plan(seed, style="scanned")
+
+
+def corridor_between_rooms(seed):
+    """A corridor of 2.5 m between two rooms, without walls: rooms 0 and 1, corridor 2; the same each time."""
+    layout = Layout(np.random.default_rng(seed), np.zeros((200, 300), np.int32))
+    for kind in (False, False, True):
+        layout.new(corridor=kind)
+    layout.fill((100, 0, 200, 300), 1)
+    layout.fill((75, 0, 125, 300), 2)
+    return layout
+
+
+def test_corridors_are_widened_at_the_cost_of_rooms():
+    taken = []
+    for seed in range(20):
+        layout = corridor_between_rooms(seed)
+        before = layout.place.copy()
+        _widen_corridors(layout)
+        changed = layout.place != before
+        assert (layout.place[changed] == 2).all()
+        taken.append(changed.sum())
+    assert np.median(taken) > 0
+
+
+def test_stubs_narrow_corridors_and_close_none():
+    drawn = 0
+    for seed in range(20):
+        layout = corridor_between_rooms(seed)
+        stub = _stubs(layout, np.zeros(layout.place.shape, np.bool_))
+        drawn += stub.any()
+        assert not stub[layout.place != 2].any()
+        assert stub[75:125].sum(axis=0).max() <= 0.4 * 50
+    assert drawn > 15
 
 
 def test_an_unknown_style_is_refused():

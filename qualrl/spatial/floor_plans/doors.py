@@ -57,7 +57,7 @@ def random_doors(layout: Layout, wall_m: float, crowded: bool) -> tuple[list[Doo
         ways_round = 0.12 if _corridors(layout, pair) else 0.05
         if most_m < 0.85 or rng.random() > (ways_round if reached.connected(*pair) else 0.97):
             continue
-        if crowded and _is_mouth(layout, pair, side) and rng.random() < 0.5:
+        if rng.random() < (0.4 if crowded else 0.15) and _is_mouth(layout, pair, side):
             doors.append(_mouth(pair, side, wall_m, opened))
             reached.merge(*pair)
             continue
@@ -101,7 +101,7 @@ def _width_m(layout: Layout, pair: Pair, most_m: float, cubicles: bool) -> float
     """The width of a door: now and then a double one, or an opening nearly as wide as the room."""
     rng = layout.rng
     if _corridors(layout, pair) == 2:
-        width_m = most_m * rng.uniform(0.4, 0.85)
+        width_m = max(most_m * rng.uniform(0.3, 0.6), 0.8)
     elif cubicles and rng.random() < 0.8:
         width_m = min(most_m * rng.uniform(0.4, 0.75), 3.0)
     else:

@@ -66,12 +66,14 @@ def random_layout(rng: np.random.Generator) -> Layout:
         depth = 2 if form == "grid" else int(rng.integers(1, 4))
         _between_corridors(layout, (0, 0, height, width), depth, layout.new(corridor=True))
     _change_rooms(layout)
+    if rng.random() < 0.6:
+        _widen_corridors(layout)
     _divide_corridors(layout)
     return _in_pieces(layout)
 
 
 def _corridor_width(rng: np.random.Generator) -> int:
-    return cells(rng.uniform(1.4, 3.2))
+    return cells(rng.uniform(1.4, 3.2) if rng.random() < 0.85 else rng.uniform(1.0, 4.5))
 
 
 def _along_a_corridor(layout: Layout) -> None:
@@ -233,6 +235,22 @@ def _join(layout: Layout, number: int) -> None:
     beside = [int(other) for other in around if other >= 0 and other != number and not layout.is_corridor[other]]
     if beside:
         layout.place[inside > 0] = layout.rng.choice(beside)
+
+
+def _widen_corridors(layout: Layout) -> None:
+    """Give corridors bays, lobbies and wider stretches, at the cost of the rooms beside."""
+    rng, place = layout.rng, layout.place
+    is_corridor = np.append(layout.is_corridor, False)
+    cells_of = np.flatnonzero(is_corridor[place])
+    if not cells_of.size:
+        return
+    for at in rng.choice(cells_of, size=int(rng.integers(1, 6))):
+        row, column = divmod(int(at), place.shape[1])
+        number = place[row, column]
+        half = [cells(rng.uniform(1, 2.4) if rng.random() < 0.6 else rng.uniform(2.4, 6)) // 2 for _ in range(2)]
+        rows, columns = (slice(max(at - size, 0), at + size) for at, size in zip((row, column), half, strict=True))
+        window = place[rows, columns]
+        window[(window >= 0) & ~is_corridor[window]] = number
 
 
 def _divide_corridors(layout: Layout) -> None:

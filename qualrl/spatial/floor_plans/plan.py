@@ -13,7 +13,7 @@ from qualrl.errors import SettingError
 from qualrl.spatial.floor_plans.doors import Door, random_doors
 from qualrl.spatial.floor_plans.furniture import furniture
 from qualrl.spatial.floor_plans.layout import CELL_M, Layout, cells, random_layout
-from qualrl.spatial.floor_plans.scan import scanned
+from qualrl.spatial.floor_plans.scan import patches, scanned
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 
 STYLES = ("drawn", "furnished", "scanned", "partly scanned")
@@ -85,7 +85,7 @@ def _walls(place: Ints, wall_m: float) -> Flags:
 
 
 def _stand_in_the_way(layout: Layout, wall: Flags, doors: list[Door], opened: Flags, style: str, crowded: bool) -> None:
-    """Add pillars, open doors' leaves and furniture to the walls; the doors themselves stay free."""
+    """Add pillars, stubs of walls, open doors' leaves and furniture to the walls; the doors themselves stay free."""
     rng, inside = layout.rng, layout.place >= 0
     doorsteps = cv2.dilate((opened & inside).astype(np.uint8), np.ones((cells(0.5),) * 2, np.uint8)) > 0
     added = np.zeros(wall.shape, np.uint8)
@@ -94,6 +94,8 @@ def _stand_in_the_way(layout: Layout, wall: Flags, doors: list[Door], opened: Fl
             row, column = divmod(int(at), wall.shape[1])
             side = cells(rng.uniform(0.2, 0.5))
             added[row : row + side, column : column + side] = 1
+    if rng.random() < 0.3:
+        added |= _stubs(layout, wall)
     density = {"drawn": 0.0, "furnished": rng.uniform(0.6, 1.6)}.get(style, rng.uniform(0.3, 2))
     if density:
         added |= furniture(inside & ~wall, layout.place, layout.is_corridor, rng, density, crowded)
@@ -102,6 +104,32 @@ def _stand_in_the_way(layout: Layout, wall: Flags, doors: list[Door], opened: Fl
         if rng.random() < 0.15 and door.width_m < 1.3:
             _draw_leaf(added, door, float(rng.uniform(0, 2 * np.pi)))
     wall |= (added > 0) & inside
+
+
+def _stubs(layout: Layout, wall: Flags) -> NDArray[np.uint8]:
+    """(H, W) short walls that narrow corridors from their sides, and divide nothing."""
+    rng, place = layout.rng, layout.place
+    added = np.zeros(wall.shape, np.uint8)
+    stands = np.flatnonzero(np.append(layout.is_corridor, False)[place] & ~wall)
+    for at in rng.choice(stands, size=min(stands.size, int(rng.integers(1, 5)))):
+        row, column = divmod(int(at), wall.shape[1])
+        inside = (place == place[row, column]) & ~wall
+        lines = ((inside[row], column, added[row : row + 3]), (inside[:, column], row, added[:, column : column + 3].T))
+        line, here, image = min(lines, key=lambda line: _run(line[0], line[1])[1])
+        first, length = _run(line, here)
+        if cells(1.2) <= length <= cells(5):
+            narrowed, left = int(length * rng.uniform(0.1, 0.4)), rng.choice([0, rng.random(), 1])
+            image[:, first : first + int(narrowed * left)] = 1
+            image[:, first + length - (narrowed - int(narrowed * left)) : first + length] = 1
+    return added
+
+
+def _run(inside: Flags, here: int) -> tuple[int, int]:
+    """First cell and length of the run of cells that holds one of them."""
+    outside = np.flatnonzero(~inside)
+    after = int(np.searchsorted(outside, here))
+    first = int(outside[after - 1]) + 1 if after else 0
+    return first, (int(outside[after]) if after < outside.size else inside.size) - first
 
 
 def _draw_leaf(image: NDArray[np.uint8], door: Door, angle: float) -> None:
@@ -125,9 +153,13 @@ def _mapped(layout: Layout, wall: Flags, style: str) -> tuple[OccupancyGrid, Int
             rough = cv2.dilate(occupied.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
             occupied = occupied | (rough & (rng.random(place.shape) < 0.01))
         bent = float(rng.uniform(0.5, 2)) if rng.random() < 0.2 else 0.0
+        if rng.random() < 0.4:
+            occupied = occupied & ~_left_out(inside, rng)
     else:
         free, occupied = scanned(free, wall, place, layout.is_corridor, rng, everywhere=style == "scanned")
         bent = float(rng.uniform(0.3, 2.5))
+    if rng.random() < 0.1:  # hardly a wall is straight
+        bent = float(rng.uniform(4, 14))
     known = np.where(occupied, 2, np.where(free, 1, 0)).astype(np.float32)
     turned_deg = 0.0
     if rng.random() < 0.35:
@@ -138,6 +170,13 @@ def _mapped(layout: Layout, wall: Flags, style: str) -> tuple[OccupancyGrid, Int
         occupied = np.zeros_like(occupied)
     grid = OccupancyGrid(free=free, occupied=occupied, resolution_m=CELL_M, origin=(0.0, 0.0, 0.0))
     return grid, np.where(free, shown, -1).astype(np.int32), turned_deg
+
+
+def _left_out(inside: Flags, rng: np.random.Generator) -> Flags:
+    """(H, W) where a drawing leaves walls out, so that free space ends where nothing is known: outside, or anywhere."""
+    near_outside = cv2.dilate((~inside).astype(np.uint8), np.ones((cells(0.5),) * 2, np.uint8)) > 0
+    anywhere = patches(inside.shape, float(rng.uniform(1, 6)), rng) < rng.choice([0, rng.uniform(0.05, 0.6)])
+    return np.asarray((near_outside & (rng.random() < 0.7)) | anywhere)
 
 
 def _warped(

@@ -38,9 +38,9 @@ def scanned(
     outer = cv2.dilate((place < 0).astype(np.uint8), np.ones((cells(0.5),) * 2, np.uint8)) > 0
     glass = np.zeros(place.shape, np.float32)
     if rng.random() < 0.6:
-        glass[outer & (_patches(place.shape, 1.2, rng) < rng.uniform(0.02, 0.35))] = rng.uniform(0.15, 0.8)
+        glass[outer & (patches(place.shape, 1.2, rng) < rng.uniform(0.02, 0.35))] = rng.uniform(0.15, 0.8)
     missing = float(rng.choice([0, rng.uniform(0.02, 0.1), rng.uniform(0.1, 0.3)]))
-    solid = wall & (_patches(place.shape, 0.5, rng) >= missing) if rng.random() < 0.8 else wall
+    solid = wall & (patches(place.shape, 0.5, rng) >= missing) if rng.random() < 0.8 else wall
     reach = cells(rng.uniform(8, 25))
     rays = int(rng.choice([360, 720]))
     poses = _tour(free, place, is_corridor, rng, everywhere)
@@ -52,7 +52,7 @@ def scanned(
     return Scan((seen > 0) & ~occupied & ~unknown, occupied)
 
 
-def _patches(shape: tuple[int, ...], size_m: float, rng: np.random.Generator) -> Floats:
+def patches(shape: tuple[int, ...], size_m: float, rng: np.random.Generator) -> Floats:
     """(H, W) numbers from 0 to 1, the same over squares of this side."""
     height, width = (side // cells(size_m) + 1 for side in shape)
     coarse = rng.random((height, width)).astype(np.float32)
