@@ -56,15 +56,15 @@ def reaches(zone, count, towards):
     return found
 
 
-def line_around(some, line, support):
-    """The best supported line within a row and a column of any of some cells, -1 where none."""
+def line_around(some, line):
+    """The highest line within a row and a column of any of some cells, -1 where none."""
     near = {
         number
         for row, cells in enumerate(line)
         for column, number in enumerate(cells)
         if number >= 0 and any(max(abs(row - r), abs(column - c)) <= 1 for r, c in some)
     }
-    return max(near, key=lambda number: support[number], default=-1)
+    return max(near, default=-1)
 
 
 def odds(trees, start, row):

@@ -17,3 +17,53 @@ def adjusted_rand_index(one, other):
     expected = rows * columns / comb(int(table.sum()), 2)
     most = (rows + columns) / 2
     return 1.0 if most == expected else (together - expected) / (most - expected)
+
+
+def beside(cell, shape):
+    """The cells north, west, east and south of a cell."""
+    row, column = cell
+    around = [(row - 1, column), (row, column - 1), (row, column + 1), (row + 1, column)]
+    return [(r, c) for r, c in around if 0 <= r < shape[0] and 0 <= c < shape[1]]
+
+
+def flat_zones(thickness, distance, order, pinch, step):
+    """The zones as a set of sets of cells; order: cells (row, column) from thick to thin."""
+    zones = {}
+    for cell in order:
+        thick = thickness[cell]
+        near = [zones[other] for other in beside(cell, thickness.shape) if other in zones]
+        level = [zone for zone in near if thick >= step * thickness[zone[0]]]
+        if not level:
+            zones[cell] = [cell]
+            continue
+        best = max(level, key=lambda zone: (thickness[zone[0]], len(zone)))
+        best.append(cell)
+        zones[cell] = best
+        for zone in near:
+            if zone is best or zones[zone[0]] is best or thick < step * thickness[zone[0]]:
+                continue
+            if distance[cell] >= pinch * thickness[zone[0]] or min(len(zone), len(best)) <= distance[cell] ** 2:
+                best += zone
+                zones |= dict.fromkeys(zone, best)
+    return {frozenset(zone) for zone in zones.values()}
+
+
+def flooded(label, mask, depth):
+    """Labels grown over the mask from the deepest eighth on, first come first served."""
+    label, queues = label.copy(), {}
+
+    def wait(cell, most):
+        queues.setdefault(min(int(8 * depth[cell]), most), []).append(cell)
+
+    for cell in map(tuple, np.argwhere(mask & (label >= 0)).tolist()):
+        if any(mask[other] and label[other] < 0 for other in beside(cell, label.shape)):
+            wait(cell, np.inf)
+    while queues:
+        level = max(queues)
+        cell = queues[level].pop(0)
+        for other in beside(cell, label.shape):
+            if mask[other] and label[other] < 0:
+                label[other] = label[cell]
+                wait(other, level)
+        queues = {at: queue for at, queue in queues.items() if queue}
+    return label

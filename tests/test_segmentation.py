@@ -272,10 +272,7 @@ def test_chairs_do_not_divide_a_room() -> None:
     assert sum(region.kind == "room" for region in seen.regions) == 10
 
 
-FEW = pytest.mark.xfail(reason="the trees were shown few corridors that open into a room over all their width")
-
-
-@pytest.mark.parametrize("resolution_m", [0.3, pytest.param(0.1, marks=FEW)])
+@pytest.mark.parametrize("resolution_m", [0.3, 0.1])
 def test_a_corridor_opens_into_a_hall(resolution_m: float) -> None:
     free = np.zeros((102, 222), np.bool_)
     free[1:101, 1:101] = free[40:60, 101:221] = True

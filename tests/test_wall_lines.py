@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from qualrl.kernels import wall_gaps
-from qualrl.spatial.wall_lines import find_wall_lines, main_turn_deg, walls_of
+from qualrl.spatial.wall_lines import find_wall_lines, main_turn_deg, walls_of, without_specks
 from tests import oracles_walls
 
 SHAPES = st.tuples(st.integers(1, 9), st.integers(1, 30))
@@ -191,3 +191,23 @@ def test_where_walls_are_drawn_other_rims_are_what_was_not_seen():
     assert drawn.sum() > rest.sum()
     assert drawn[rest].all()
     assert not (drawn & clear).any()
+
+
+@settings(deadline=None, max_examples=200)
+@given(arrays(np.bool_, st.tuples(st.integers(1, 8), st.integers(1, 8))))
+def test_specks_are_cells_without_any_beside_them(occupied):
+    wide = np.pad(occupied, 1)
+    cells = np.argwhere(occupied).tolist()
+    kept = [[row, column] for row, column in cells if wide[row : row + 3, column : column + 3].sum() > 1]
+    assert np.argwhere(without_specks(occupied)).tolist() == kept
+
+
+@pytest.mark.parametrize("thick", [1, 3, 5, 9])
+def test_a_line_lies_in_the_middle_of_its_wall(thick):
+    wall = np.zeros((101, 201), np.bool_)
+    wall[50 - thick // 2 : 51 + thick // 2] = True
+    wall[:, 90:110] = False
+    wall[[0, -1]] = wall[:, [0, -1]] = True
+    lines = find_wall_lines(wall, ~wall, CELL_M)
+    assert {*np.nonzero(lines.line[:, 95:105] >= 0)[0].tolist()} == {50}
+    assert (np.diff(lines.support_m) >= 0).all()

@@ -43,6 +43,16 @@ def steps_within(label: Any, centres: Any) -> Any:
 
 
 @compiled
+def sizes(label: Ints, count: int) -> NDArray[np.int64]:
+    """(count,) cells of each label (H, W), -1 where none."""
+    cells = np.zeros(count, np.int64)
+    for here in label.ravel():
+        if here >= 0:
+            cells[here] += 1
+    return cells
+
+
+@compiled
 def measured(label: Ints, count: int, depth: Floats) -> tuple[NDArray[np.int64], NDArray[np.float64], Ints]:
     """Of each label: (count,) its cells, (count, 2) the sums of their rows and columns, (count,) its centre.
 

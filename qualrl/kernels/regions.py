@@ -47,20 +47,39 @@ def _beside(cell: int, side: int, height: int, width: int) -> int:
     return cell + width if cell < (height - 1) * width else -1
 
 
+NO_SET = np.int32(-(2**31))
+"""In a forest of sets each cell holds the next one on the way to its root, a root less the size of its set (at most
+2**30), and a cell in no set this."""
+FIRST_NUMBER = -(2**30) - 1
+"""... or a root this, less the number of its set."""
+
+
+@compiled_part
+def _root(forest: Ints, cell: int) -> int:
+    """The root of a cell's set; the paths passed are halved on the way."""
+    while forest[cell] >= 0:
+        after = forest[cell]
+        if forest[after] >= 0:
+            forest[cell] = forest[after]
+        cell = after
+    return cell
+
+
 @compiled
-def _numbered(parent: Ints, height: int, width: int) -> tuple[Ints, int]:
-    """Sets of cells (parent -1: no set) as consecutive numbers, in the order of their first cell."""
-    number = np.full(parent.size, -1, np.int32)
-    label = np.full(parent.size, -1, np.int32)
+def _numbered(forest: Ints, height: int, width: int) -> tuple[Ints, int]:
+    """Sets of cells as consecutive numbers, in the order of their first cell; the forest becomes the label image."""
     count = 0
-    for cell in range(parent.size):
-        if parent[cell] >= 0:
-            root = find(parent, cell)
-            if number[root] < 0:
-                number[root] = count
-                count += 1
-            label[cell] = number[root]
-    return label.reshape(height, width), count
+    for cell in range(forest.size):
+        if forest[cell] == NO_SET:
+            continue
+        root = _root(forest, cell)
+        if forest[root] > FIRST_NUMBER:
+            forest[root] = FIRST_NUMBER - count
+            count += 1
+        forest[cell] = forest[root]
+    for cell in range(forest.size):
+        forest[cell] = FIRST_NUMBER - forest[cell] if forest[cell] != NO_SET else -1
+    return forest.reshape(height, width), count
 
 
 @compiled
@@ -68,17 +87,24 @@ def pieces(label: Ints) -> tuple[Ints, int]:
     """4-connected pieces of equal label: (H, W) piece of each cell, -1 where label is; and their number."""
     height, width = label.shape
     flat = label.ravel()
-    parent = np.full(flat.size, -1, np.int32)
+    forest = np.full(flat.size, NO_SET, np.int32)
     for cell in range(flat.size):
         if flat[cell] < 0:
             continue
-        parent[cell] = cell
+        forest[cell] = -1
         for side in range(2):
             other = _beside(cell, side, height, width)
             if other >= 0 and flat[other] == flat[cell]:
-                a, b = find(parent, other), find(parent, cell)
-                parent[max(a, b)] = min(a, b)
-    return _numbered(parent, height, width)
+                _unite(forest, _root(forest, other), _root(forest, cell))
+    return _numbered(forest, height, width)
+
+
+@compiled_part
+def _unite(forest: Ints, host: int, guest: int) -> None:
+    """Put a root's set into that of another root, or the same."""
+    if host != guest:
+        forest[host] += forest[guest]
+        forest[guest] = host
 
 
 @compiled
@@ -118,35 +144,32 @@ def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, s
     """
     height, width = thickness.shape
     thick, way = thickness.ravel(), distance.ravel()
-    parent = np.full(thick.size, -1, np.int32)
-    area = np.ones(thick.size, np.int32)
+    forest = np.full(thick.size, NO_SET, np.int32)
     for cell in order:
-        parent[cell] = cell
         best = -1
         for side in range(4):
             other = _beside(cell, side, height, width)
-            if other >= 0 and parent[other] >= 0:
-                zone = find(parent, other)
+            if other >= 0 and forest[other] != NO_SET:
+                zone = _root(forest, other)
                 if thick[cell] < step * thick[zone]:
                     continue
-                larger = best >= 0 and thick[zone] == thick[best] and area[zone] > area[best]
+                larger = best >= 0 and thick[zone] == thick[best] and forest[zone] < forest[best]
                 if best < 0 or thick[zone] > thick[best] or larger:
                     best = zone
+        forest[cell] = -1
         if best < 0:
             continue
-        parent[cell] = best
-        area[best] += 1
+        _unite(forest, best, cell)
         for side in range(4):
             other = _beside(cell, side, height, width)
-            if other < 0 or parent[other] < 0:
+            if other < 0 or forest[other] == NO_SET:
                 continue
-            zone = find(parent, other)
+            zone = _root(forest, other)
             # Zones of less area than the way is wide are specks in which no place can lie.
-            is_one = way[cell] >= pinch * thick[zone] or min(area[zone], area[best]) <= way[cell] ** 2
-            if zone != best and thick[cell] >= step * thick[zone] and is_one:
-                parent[zone] = best
-                area[best] += area[zone]
-    return _numbered(parent, height, width)
+            is_one = way[cell] >= pinch * thick[zone] or min(-forest[zone], -forest[best]) <= way[cell] ** 2
+            if thick[cell] >= step * thick[zone] and is_one:
+                _unite(forest, best, zone)
+    return _numbered(forest, height, width)
 
 
 @compiled
@@ -221,17 +244,17 @@ def _host(zone: int, area: Floats, breadth: Floats, bonds: Bonds, rules: Rules) 
 
 
 @compiled
-def flood(label: Ints, mask: Flags, level: Ints) -> Ints:
-    """Grow labels over the mask, high levels first; borders settle where the fronts meet.
+def flood(label: Ints, mask: Flags, depth: Floats) -> Ints:
+    """Grow labels over the mask, deep cells first; borders settle where the fronts meet.  The label image is updated.
 
-    label (H, W) the seeds, -1 elsewhere; mask (H, W) where to grow; level (H, W) 0 or more.
+    label (H, W) the seeds, -1 elsewhere; mask (H, W) where to grow; depth (H, W) 0 or more, told apart by eighths.
     Cells that no seed reaches stay -1.
     """
     height, width = label.shape
-    result, inside, level_of = label.copy().ravel(), mask.ravel(), level.ravel()
+    result, inside, depths = label.ravel(), mask.ravel(), depth.ravel()
     top = 0
     for cell in range(result.size):
-        top = max(top, level_of[cell])
+        top = max(top, int(8 * depths[cell]))
     head = np.full(top + 1, -1, np.int32)
     tail = head.copy()
     following = np.full(result.size, -1, np.int32)
@@ -241,7 +264,7 @@ def flood(label: Ints, mask: Flags, level: Ints) -> Ints:
         for side in range(4):
             other = _beside(cell, side, height, width)
             if other >= 0 and inside[other] and result[other] < 0:
-                _enqueue(cell, level_of[cell], head, tail, following)
+                _enqueue(cell, int(8 * depths[cell]), head, tail, following)
                 break
     while top >= 0:
         cell = head[top]
@@ -253,8 +276,8 @@ def flood(label: Ints, mask: Flags, level: Ints) -> Ints:
             other = _beside(cell, side, height, width)
             if other >= 0 and inside[other] and result[other] < 0:
                 result[other] = result[cell]
-                _enqueue(other, min(level_of[other], top), head, tail, following)
-    return result.reshape(height, width)
+                _enqueue(other, min(int(8 * depths[other]), top), head, tail, following)
+    return label
 
 
 @compiled_part

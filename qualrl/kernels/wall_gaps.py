@@ -16,8 +16,8 @@ Ints = NDArray[np.int32]
 def gaps(wall: Flags, free: Flags, bridge: int, least: int, most: int) -> Ints:
     """(G, 5) row, first column, last column of each gap between two walls of a row, and the lengths of the two.
 
-    A wall is a run of cells, at least ``least`` long, with holes of at most ``bridge`` cells that make up no more
-    than half of it.  Shorter runs are passed over.  A gap has at most ``most`` cells, one or more of them free.
+    A wall is a run of cells, at least ``least`` long, with holes of fewer than ``bridge`` cells that make up no
+    more than half of it.  Shorter runs are passed over.  A gap has at most ``most`` cells, one or more of them free.
     """
     height, width = wall.shape
     count = 0

@@ -38,18 +38,35 @@ def reaches(zone: Ints, count: int, directions: Floats) -> Floats:
 
 
 @compiled
-def line_at_steps(ends: Ints, line: Ints, support: Floats) -> Ints:
-    """(N,) of the lines on or beside the two cells of each step the best supported one, -1 where none.
+def amounts(zone: Ints, thickness: NDArray[np.float32], count: int) -> Floats:
+    """(Z, 3) of each zone its cells, these times their half-width, and its largest half-width.
 
-    ends (N, 2) flat indices; line (H, W) number of the line on each cell, -1 where none; support by line.
+    zone (H, W), -1 where none; thickness (H, W) half-width at each cell: half a cell at least where it is summed.
+    """
+    found = np.zeros((count, 3))
+    for row in range(zone.shape[0]):
+        for column in range(zone.shape[1]):
+            here = zone[row, column]
+            if here >= 0:
+                wide = float(thickness[row, column])
+                found[here, 0] += 1
+                found[here, 1] += max(wide, 0.5)
+                found[here, 2] = max(found[here, 2], wide)
+    return found
+
+
+@compiled
+def line_at_steps(ends: Ints, line: Ints) -> Ints:
+    """(N,) of the lines on or beside the two cells of each step the one of the highest number, -1 where none.
+
+    ends (N, 2) flat indices, the smaller first; line (H, W) number of the line on each cell, -1 where none.
     """
     height, width = line.shape
     found = np.full(len(ends), -1, np.int32)
     for step in range(len(ends)):
         row, column = ends[step, 0] // width, ends[step, 0] % width
-        for r in range(max(row - 1, 0), min(row + 2, height)):
-            for c in range(max(column - 1, 0), min(column + 2, width)):
-                here = line[r, c]
-                if here >= 0 and (found[step] < 0 or support[here] > support[found[step]]):
-                    found[step] = here
+        down, right = ends[step, 1] // width, ends[step, 1] % width
+        for r in range(max(row - 1, 0), min(down + 2, height)):
+            for c in range(max(column - 1, 0), min(right + 2, width)):
+                found[step] = max(found[step], line[r, c])
     return found

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import find_objects
 
-from qualrl.kernels import labels
+from qualrl.kernels import labels, zone_graph
 from qualrl.kernels import regions as kernels
 from qualrl.spatial.distance import distance_within
 from qualrl.spatial.naming import name_regions, ordered
@@ -76,14 +76,13 @@ def measure(label: Labels, apart: Flags, thickness: Floats) -> Parts:
     apart (H, W) what nothing connects to the rest; thickness (H, W) radius of the largest free disc over each cell.
     """
     free = label >= 0
-    used = np.zeros(int(label.max()) + 1, np.bool_)
-    used[label[free]] = True
-    number = np.where(free, (np.cumsum(used) - 1)[label], -1).astype(np.int32)
+    used = labels.sizes(label, int(label.max()) + 1) > 0
+    number = np.append(np.cumsum(used) - 1, -1).astype(np.int32)[label]
     border = np.zeros(number.size, np.bool_)
     border[kernels.crossings(number)] = True
     depth = distance_within(np.pad(free & ~border.reshape(number.shape), 1))[1:-1, 1:-1]
     cells, sums, centre = labels.measured(number, int(used.sum()), depth)
-    half_width = np.bincount(number[free], np.maximum(thickness, 0.5)[free]) / cells
+    half_width = zone_graph.amounts(number, thickness, len(cells))[:, 1] / cells
     return Parts(number, cells, sums / cells[:, None], centre, half_width.astype(np.float32), apart.ravel()[centre])
 
 

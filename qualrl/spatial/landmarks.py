@@ -124,7 +124,7 @@ def _corridor_marks(
 ) -> tuple[list[Cell], list[Cell]]:
     """Junctions and dead ends of the corridors: where lines of their skeletons meet, and end at no doorway."""
     is_corridor = np.array([region.kind == "corridor" for region in regions], np.bool_)
-    inside = np.where((label >= 0) & (distance > 0) & is_corridor[label], label, -1).astype(np.int32)
+    inside = np.where((label >= 0) & (distance > 0) & is_corridor[label], label, np.int32(-1))
     if (inside < 0).all():
         return [], []
     width = 2 * half_width
@@ -136,10 +136,10 @@ def _corridor_marks(
         cell = divmod(node, label.shape[1])
         region = int(shape[cell])
         if degree > 2:
-            junctions.append((float(distance[cell]), _free_beside(label == region, cell)))
+            junctions.append((float(distance[cell]), _free_beside(label, region, cell)))
         elif degree <= 1 and not _has_doorway(doorways, region, cell, float(width[region])):
             end = _clear_of_walls(lines, node, distance, float(half_width[region]))
-            dead_ends.append(_free_beside(label == region, end))
+            dead_ends.append(_free_beside(label, region, end))
     return _spread(junctions, float(width[is_corridor].mean()) + 1.0), list(dict.fromkeys(dead_ends))
 
 
@@ -161,13 +161,19 @@ def _without_holes(inside: Ints, width: Floats) -> Ints:
     return filled
 
 
-def _free_beside(inside: NDArray[np.bool_], cell: Cell) -> Cell:
-    """The cell itself, or the nearest one of its region if a thing stands there."""
-    if inside[cell]:
-        return cell
-    cells = np.argwhere(inside)
-    row, column = cells[np.argmin(((cells - cell) ** 2).sum(axis=1))]
-    return int(row), int(column)
+def _free_beside(label: Ints, region: int, cell: Cell) -> Cell:
+    """The cell itself, or the nearest one of its region if a thing stands there; of equally near ones the first."""
+    reach = 1
+    while label[cell] != region:
+        top, left = max(cell[0] - reach, 0), max(cell[1] - reach, 0)
+        around = label[top : cell[0] + reach + 1, left : cell[1] + reach + 1]
+        cells = np.argwhere(around == region) + np.array((top, left))
+        away = ((cells - cell) ** 2).sum(axis=1)
+        if away.size and away.min() <= reach**2:  # what lies beyond the square is farther
+            row, column = cells[np.argmin(away)]
+            return int(row), int(column)
+        reach *= 2
+    return cell
 
 
 def _clear_of_walls(lines: "nx.Graph[int]", tip: int, distance: Floats, half_width: float) -> Cell:

@@ -18,12 +18,12 @@ from qualrl.kernels import merging as kernels
 from qualrl.kernels import regions as zone_kernels
 from qualrl.kernels import wall_gaps, zone_graph
 from qualrl.kernels.bonds import Bonds, linked
-from qualrl.kernels.labels import borders
+from qualrl.kernels.labels import borders, sizes
 from qualrl.kernels.trees import Trees
 from qualrl.spatial.distance import distance_within, thickness_over
 from qualrl.spatial.straightening import straightened
 from qualrl.spatial.view import View, flat_zones
-from qualrl.spatial.wall_lines import WallLines, find_wall_lines, walls_of
+from qualrl.spatial.wall_lines import WallLines, find_wall_lines, walls_of, without_specks
 
 PINCH, STEP = 0.85, 0.8
 """See ``kernels.regions.flat_zones``."""
@@ -58,10 +58,10 @@ class ZoneGraph(NamedTuple):
 
 
 def merged_regions(view: View, occupied: Flags, min_area_m2: float) -> Labels:
-    """(h, w) region of each cell of the view, -1 where it is not free; occupied (h, w)."""
+    """(h, w) region of each cell of the view, -1 where it is not free; occupied (H, W)."""
     graph = zone_graph_of(view, occupied)
     kernels.merge(graph.places, graph.bonds, trees(), graph.about, LEAST_ODDS, min_area_m2, NO_SAMPLES)
-    region = np.where(graph.zone >= 0, graph.places.parent[graph.zone], -1).astype(np.int32)
+    region = np.append(graph.places.parent, np.int32(-1))[graph.zone]
     return straightened(region, view, STRAIGHTENED_M / view.cell_m)
 
 
@@ -83,9 +83,9 @@ def unpacked(stored: dict[str, NDArray[np.generic]]) -> Trees:
 
 
 def zone_graph_of(view: View, occupied: Flags) -> ZoneGraph:
-    """The zones of a view, unmerged."""
+    """The zones of a view, unmerged; occupied (H, W)."""
     clear = view.distance > 0
-    wall = walls_of(occupied, clear)
+    wall = walls_of(view.of_grid(without_specks(occupied) if view.zoom == 1 else occupied), clear)
     lines = find_wall_lines(wall, clear, view.cell_m)
     zone = _zones(view, clear & (lines.line < 0))
     count = int(zone.max()) + 1
@@ -103,35 +103,32 @@ def _zones(view: View, cut: Flags) -> Labels:
     """(h, w) zones of alike thickness of the free space as the lines cut it (h, w), numbered from 0."""
     distance = distance_within(cut)
     zone, count = flat_zones(thickness_over(distance), distance, PINCH, STEP)
-    large = np.bincount(zone[zone >= 0], minlength=count) >= LEAST_ZONE_M2 / view.cell_m**2
-    kept = np.where(np.append(large, False)[zone], zone, -1).astype(np.int32)
+    del distance
+    small = sizes(zone, count) < LEAST_ZONE_M2 / view.cell_m**2
+    zone[np.append(small, False)[zone]] = -1
     clear = view.distance > 0
-    grown = zone_kernels.flood(kept, clear, (view.distance * 8).astype(np.int32))
-    rest, _ = zone_kernels.pieces(np.where(clear & (grown < 0), 0, -1).astype(np.int32))
-    both = np.where(rest >= 0, rest + count, grown)
-    used = np.zeros(int(both.max()) + 1, np.bool_)
-    used[both[clear]] = True
-    return np.where(clear, (np.cumsum(used) - 1)[both], -1).astype(np.int32)
+    zone_kernels.flood(zone, clear, view.distance)
+    rest, _ = zone_kernels.pieces(np.where(clear & (zone < 0), np.int32(0), np.int32(-1)))
+    np.copyto(zone, rest + np.int32(count), where=rest >= 0)
+    used = sizes(zone, max(int(zone.max()) + 1, 1)) > 0
+    number = np.where(used, np.cumsum(used) - 1, -1).astype(np.int32)
+    return np.append(number, np.int32(-1))[zone]
 
 
 def _places(zone: Labels, count: int, view: View, wall: Flags, lines: WallLines) -> kernels.Places:
     """The zones as places, each by itself; ``TOUCHING`` is left 0."""
-    inside = zone >= 0
-    owner, thickness, cell_m = zone[inside], view.thickness[inside] * view.cell_m, view.cell_m
-    area = np.bincount(owner, minlength=count) * cell_m**2
-    thick = np.bincount(owner, np.maximum(thickness, 0.5 * cell_m), count) * cell_m**2
-    peak = np.zeros(count)
-    np.maximum.at(peak, owner, thickness)
+    cell_m = view.cell_m
+    cells, wide, widest = zone_graph.amounts(zone, view.thickness, count).T
     border = borders(zone, wall, count) * cell_m
     angles = np.radians(lines.turn_deg) + 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     reach = zone_graph.reaches(zone, count, np.stack([np.sin(angles), np.cos(angles)], axis=1)) * cell_m
-    sums = np.stack([area, thick, border[:, 0], border[:, 1], np.zeros(count)], axis=1)
-    return kernels.Places(np.arange(count, dtype=np.int32), sums, peak, reach)
+    sums = np.stack([cells * cell_m**2, wide * cell_m**3, border[:, 0], border[:, 1], np.zeros(count)], axis=1)
+    return kernels.Places(np.arange(count, dtype=np.int32), sums, widest * cell_m, reach)
 
 
 def _bonds(zone: Labels, count: int, ends: Labels, view: View, lines: WallLines) -> Bonds:
     """Where zones touch (ends (N, 2): the steps that cross) or have a wall between them."""
-    at = zone_graph.line_at_steps(ends, lines.line, lines.support_m)
+    at = zone_graph.line_at_steps(ends, lines.line)
     is_lined = at >= 0
     support_m = np.where(is_lined, np.append(np.minimum(lines.support_m, MOST_SUPPORT_M), 0.0)[at], 0.0)
     gap_m = np.where(is_lined, np.append(lines.gap_m, 0.0)[at], 0.0)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from qualrl.errors import SettingError
 from qualrl.kernels import regions as kernels
+from qualrl.kernels.labels import sizes
 from qualrl.spatial.description import describe, measure
 from qualrl.spatial.doorways import find_doorways, renumbered
 from qualrl.spatial.footprint import fitted
@@ -16,12 +17,10 @@ from qualrl.spatial.landmarks import find_landmarks
 from qualrl.spatial.merging import merged_regions
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.region_map import RegionMap
-from qualrl.spatial.view import look
+from qualrl.spatial.view import SIDE_M, WALLED_M, View, look, shrunk
 
 PINCH = 0.85
 """See ``segment``."""
-WALLED_M = 0.25
-"""Maps with cells up to this size show walls and doors as they are built."""
 
 Flags = NDArray[np.bool_]
 Labels = NDArray[np.int32]
@@ -57,7 +56,7 @@ def segment(
         raise TypeError(f"segment needs an OccupancyGrid, from qualrl.read_map, got {type(grid).__name__}")
     _check(min_area_m2=(min_area_m2, 1e6), furniture_m=(furniture_m, 1e3), pinch=(pinch, 1.0))
     resolution_m = grid.resolution_m
-    island, cells = _pieces(np.where(grid.free, 0, -1).astype(np.int32))
+    island, cells = _pieces(np.where(grid.free, np.int32(0), np.int32(-1)))
     is_pocket = cells < max(min_area_m2 / resolution_m**2, 9)
     is_pocket[np.argmax(cells)] = False
     apart = grid.free & is_pocket[island]
@@ -65,20 +64,20 @@ def segment(
     del island
     view = look(grid.free & ~apart, resolution_m, furniture_m)
     if resolution_m <= WALLED_M:
-        found = merged_regions(view, view.of_grid(grid.occupied), min_area_m2)
+        seen = _walled(view, grid.free & ~apart, grid.occupied, resolution_m, furniture_m, min_area_m2)
     else:
-        found = joined_regions(view, min_area_m2 / view.cell_m**2, pinch)
-    label = _settled(view.to_grid(found, -1), grid.free & ~apart, min_area_m2 / resolution_m**2)
+        seen = view.to_grid(joined_regions(view, min_area_m2 / view.cell_m**2, pinch), -1)
+    shown = view.posture
+    label = shown.back(_settled(shown.of(seen), shown.of(grid.free & ~apart), min_area_m2 / resolution_m**2)).copy()
     label[apart] = pocket + label.max() + 1
-    thickness = view.to_grid(view.thickness, 0) / np.float32(view.zoom)
-    parts = measure(label, apart, thickness)
-    distance = view.to_grid(view.distance, 0) / np.float32(view.zoom)
-    unordered = find_doorways(
-        parts.label, distance, view.to_grid(view.thing, -1), pinch * parts.half_width, resolution_m
-    )
+    parts = measure(label, apart, view.width_on_grid(view.thickness))
+    distance, thing = view.width_on_grid(view.distance), view.to_grid(view.thing, -1)
+    del view, seen
+    unordered = find_doorways(parts.label, distance, thing, pinch * parts.half_width, resolution_m)
+    del thing
     regions, order = describe(parts, unordered, grid.occupied, resolution_m)
     rank = np.argsort(order).astype(np.int32)
-    label = np.where(grid.free, rank[parts.label], -1).astype(np.int32)
+    label = np.append(rank, np.int32(-1))[parts.label]
     half_width, doorways = parts.half_width[order], renumbered(unordered, rank.tolist())
     landmarks = find_landmarks(label, regions, doorways, distance, half_width, resolution_m)
     return fitted(RegionMap(grid, label, regions, doorways, landmarks), radius_m)
@@ -91,31 +90,48 @@ def _check(**settings: tuple[float, float]) -> None:
             raise SettingError(f"segment: {name} must be from 0 to {most:g}, got {value}")
 
 
+def _walled(
+    view: View, free: Flags, occupied: Flags, resolution_m: float, furniture_m: float, min_area_m2: float
+) -> Labels:
+    """(H, W) regions of a map that shows walls, seen in larger cells where its own are very small."""
+    height, width = free.shape
+    times = max(int(SIDE_M / resolution_m + 0.2), 1)
+    large = shrunk(free, times, False)
+    if times > 1 and large.any():
+        view, occupied = look(large, resolution_m * times, furniture_m), shrunk(occupied, times, True)
+    else:
+        times = 1
+    found = view.to_grid(merged_regions(view, occupied, min_area_m2), -1)
+    return found if times == 1 else found.repeat(times, 0).repeat(times, 1)[:height, :width]
+
+
 def _settled(seen: Labels, free: Flags, min_area: float) -> Labels:
     """(H, W) a strict partition of the free space into 4-connected regions, from the view's regions.
 
     Of each region the largest piece stays and grows over the cells that the view did not show.
     """
-    piece, cells = _pieces(np.where(free, seen, -1).astype(np.int32))
-    owner = np.zeros(cells.size, np.int32)
+    piece, cells = _pieces(np.where(free, seen, np.int32(-1)))
     shown = free & (piece >= 0)
+    owner = np.zeros(cells.size, np.int32)
     owner[piece[shown]] = seen[shown]
     most = np.zeros(int(seen.max()) + 1, np.int64)
     np.maximum.at(most, owner, cells)
     stays = cells == most[owner] if cells.size else np.zeros(0, np.bool_)
-    level = np.zeros(free.shape, np.int32)
+    level = np.zeros(free.shape, np.float32)
     label = np.full(free.shape, -1, np.int32)
     # Scraps, as between the rays of a scanner, go to the region beside them; where there is none, to themselves.
     for chosen in (stays & (cells >= min_area), stays):
         if not (free & (label < 0)).any():
             return label
         seeds = shown & (label < 0) & np.append(chosen, False)[piece]
-        label = kernels.flood(np.where(seeds, piece, label).astype(np.int32), free, level)
-    unseen, _ = _pieces(np.where(free & (label < 0), 0, -1).astype(np.int32))
-    return np.where(unseen >= 0, unseen + cells.size, label).astype(np.int32)
+        np.copyto(label, piece, where=seeds)
+        kernels.flood(label, free, level)
+    unseen, _ = _pieces(np.where(free & (label < 0), np.int32(0), np.int32(-1)))
+    np.copyto(label, unseen + np.int32(cells.size), where=unseen >= 0)
+    return label
 
 
 def _pieces(label: Labels) -> tuple[Labels, NDArray[np.int64]]:
     """(H, W) number of the 4-connected piece of equal label at each cell, and the cells of each piece."""
     piece, count = kernels.pieces(label)
-    return piece, np.bincount(piece[piece >= 0], minlength=count)
+    return piece, sizes(piece, count)

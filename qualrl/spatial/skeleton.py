@@ -24,16 +24,17 @@ def pruned_skeleton(label: Ints, distance: Floats) -> "nx.Graph[int]":
     order = np.flatnonzero(label >= 0).astype(np.int32)
     # Whole hundredths: distances that differ by rounding only must not decide.
     order = order[np.argsort(np.rint(distance.ravel()[order] * 100), kind="stable")]
-    line = np.where(thin(label, order), label, -1).astype(np.int32)
+    line = np.where(thin(label, order), label, np.int32(-1))
     return _joined(prune(line, distance, LEAST_REACH))
 
 
 def _joined(label: Ints) -> "nx.Graph[int]":
     """Cells of the same line that share a side."""
-    number = np.arange(label.size).reshape(label.shape)
+    width, shape = label.shape[1], label.ravel()
     graph: nx.Graph[int] = nx.Graph()
-    graph.add_nodes_from(number[label >= 0].tolist())
-    for here, there in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
-        follows = (label[here] >= 0) & (label[here] == label[there])
-        graph.add_edges_from(zip(number[here][follows].tolist(), number[there][follows].tolist(), strict=True))
+    cells = np.flatnonzero(shape >= 0)
+    graph.add_nodes_from(cells.tolist())
+    for step, rest in ((width, cells[cells < shape.size - width]), (1, cells[cells % width < width - 1])):
+        follows = rest[shape[rest] == shape[rest + step]]
+        graph.add_edges_from(zip(follows.tolist(), (follows + step).tolist(), strict=True))
     return graph

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels import regions as kernels
+from qualrl.kernels.labels import sizes
 from qualrl.spatial.distance import distance_within
 from qualrl.spatial.view import View
 
@@ -17,8 +18,8 @@ def straightened(region: Labels, view: View, most: float = np.inf) -> Labels:
     if not border.any():
         return region
     from_border = distance_within(~border.reshape(region.shape))
-    core = np.where(from_border > np.minimum(0.5 * view.thickness, most), region, -1).astype(np.int32)
-    has_core = np.zeros(int(region.max()) + 1, np.bool_)
-    has_core[core[core >= 0]] = True
-    core = np.where((region >= 0) & ~has_core[region], region, core).astype(np.int32)
-    return kernels.flood(core, region >= 0, (view.distance * 8).astype(np.int32))
+    core = np.where(from_border > np.minimum(0.5 * view.thickness, np.float32(most)), region, np.int32(-1))
+    del from_border, border
+    has_core = np.append(sizes(core, int(region.max()) + 1) > 0, True)
+    np.copyto(core, region, where=~has_core[region])
+    return kernels.flood(core, region >= 0, view.distance)

@@ -5,11 +5,10 @@ corridor, with a jump where a corridor opens into a hall.
 
 H, W: rows, columns of the grid.  h, w: rows, columns of the view, which shows the part of the grid that is free, with a
 margin of one cell and, on maps drawn in few cells, two cells for each of the grid's (widths of 1 and 2 cells are alike
-otherwise).
+otherwise).  However a map is turned by quarters or mirrored, the view is the same: see ``spatial.posture``.
 """
 
 from dataclasses import dataclass
-from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -18,20 +17,24 @@ from scipy.ndimage import find_objects
 
 from qualrl.kernels import regions as kernels
 from qualrl.spatial.distance import distance_within, thickness_over
+from qualrl.spatial.posture import Number, Posture, posture
 
 BLOCK_M2 = 4.0
 """Free-standing things of less area are furniture if they are about as long as wide."""
 WHISKER_M = 0.12
 """Half-width of the passages that are gaps between a scanner's rays rather than ways."""
+WALLED_M = 0.25
+"""Maps with cells up to this size show walls and doors as they are built."""
+SIDE_M = 0.05
+"""Maps that show walls are looked at in cells of about this size."""
 COARSE_CELLS = 4.0
-"""A map whose free cells are typically nearer than this to a wall is drawn in few cells."""
+"""Another map whose free cells are typically nearer than this to a wall is drawn in few cells."""
 GAP_DISTANCE = 0.05
 """Distance from walls, in cells, in gaps of one cell: less than anywhere else."""
 
 Flags = NDArray[np.bool_]
 Labels = NDArray[np.int32]
 Floats = NDArray[np.float32]
-Number = TypeVar("Number", np.bool_, np.int32, np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,16 +55,30 @@ class View:
     """The rows and columns of the grid that are shown."""
     shape: tuple[int, int]
     """(H, W)"""
+    posture: Posture
 
     def to_grid(self, array: NDArray[Number], elsewhere: int) -> NDArray[Number]:
         """(H, W) an array (h, w) as seen from the grid, and its value where the view does not reach."""
         whole = np.full(self.shape, elsewhere, array.dtype)
-        whole[self.window] = array[1:-1, 1:-1][:: self.zoom, :: self.zoom]
+        whole[self.window] = self.posture.back(array[1:-1, 1:-1][:: self.zoom, :: self.zoom])
         return whole
 
-    def of_grid(self, flags: Flags) -> Flags:
-        """(h, w) flags (H, W) of the grid as seen in the view."""
-        return enlarged(flags[self.window], self.zoom)
+    def width_on_grid(self, width: Floats) -> Floats:
+        """(H, W) a distance or thickness (h, w) of the view, in cells of the grid; 0 where the view does not reach."""
+        found = self.to_grid(width, 0)
+        found /= np.float32(self.zoom)
+        return found
+
+    def of_grid(self, array: NDArray[Number], beyond: int = 0) -> NDArray[Number]:
+        """(h, w) an array (H, W) of the grid as seen in the view, margin and all; the value beyond the grid's edges."""
+        near, place = zip(
+            *(_widened(part, side) for part, side in zip(self.window, self.shape, strict=True)), strict=True
+        )
+        larger = np.full([part.stop - part.start + 2 for part in self.window], beyond, array.dtype)
+        larger[place] = array[near]
+        cells = self.posture.of(larger).repeat(self.zoom, 0).repeat(self.zoom, 1)
+        cut = slice(self.zoom - 1, 1 - self.zoom or None)
+        return np.ascontiguousarray(cells[cut, cut])
 
 
 def look(free: Flags, cell_m: float, furniture_m: float) -> View:
@@ -69,8 +86,9 @@ def look(free: Flags, cell_m: float, furniture_m: float) -> View:
     shape = (free.shape[0], free.shape[1])
     rows, columns = find_objects(free.astype(np.uint8))[0]
     window = (rows, columns)
-    free = free[window]
-    zoom = 2 if np.median(distance_within(np.pad(free, 1))[1:-1, 1:-1][free]) < COARSE_CELLS else 1
+    turned = posture(free[window])
+    free = turned.of(free[window])
+    zoom = 2 if _is_coarse(free, cell_m) else 1
     larger, gap = enlarged(free, zoom), enlarged(_gaps(free), zoom)
     thing = _furniture(larger, cell_m / zoom, zoom, furniture_m)
     clear = larger | (thing >= 0)
@@ -82,7 +100,21 @@ def look(free: Flags, cell_m: float, furniture_m: float) -> View:
     distance = distance_within(clear)
     thickness = thickness_over(distance)
     distance[gap & clear] = thickness[gap & clear] = GAP_DISTANCE
-    return View(distance, thickness, thing, zoom, cell_m / zoom, window, shape)
+    return View(distance, thickness, thing, zoom, cell_m / zoom, window, shape, turned)
+
+
+def shrunk(flags: Flags, times: int, cell: bool) -> Flags:
+    """Flags (H, W) in cells so many times as large: ``cell`` where any of a cell's flags is."""
+    rows, columns = (-side % times for side in flags.shape)
+    whole = np.pad(flags, ((0, rows), (0, columns)), constant_values=not cell)
+    blocks = whole.reshape(whole.shape[0] // times, times, -1, times)
+    return np.asarray(blocks.any(axis=(1, 3)) if cell else blocks.all(axis=(1, 3)))
+
+
+def _widened(part: slice, side: int) -> tuple[slice, slice]:
+    """The rows (or columns) of a part and one more at each end, if there is one; and where they lie among these."""
+    start, stop = max(part.start - 1, 0), min(part.stop + 1, side)
+    return slice(start, stop), slice(start - part.start + 1, stop - part.start + 1)
 
 
 def enlarged(flags: Flags, zoom: int) -> Flags:
@@ -94,6 +126,13 @@ def flat_zones(thickness: Floats, distance: Floats, pinch: float, step: float) -
     """(h, w) zones of alike thickness, -1 where distance is 0, and their number: see ``kernels.regions.flat_zones``."""
     order = kernels.thick_first(thickness, distance)
     return kernels.flat_zones(thickness, distance, order, pinch, step)
+
+
+def _is_coarse(free: Flags, cell_m: float) -> bool:
+    """Whether a map (H, W) with such cells is drawn in few of them."""
+    if cell_m <= WALLED_M:
+        return cell_m > 1.5 * SIDE_M
+    return bool(np.median(distance_within(np.pad(free, 1))[1:-1, 1:-1][free]) < COARSE_CELLS)
 
 
 def _gaps(free: Flags) -> Flags:
@@ -118,4 +157,4 @@ def _furniture(free: Flags, cell_m: float, zoom: int, furniture_m: float) -> Lab
     block = solid & (longer < 3 * shorter) & (width_m * height_m < BLOCK_M2) & (shorter > 1.5 * zoom * cell_m)
     looked_past = block | (longer < furniture_m)
     looked_past[[0, thing[0, 0]]] = False
-    return np.where(looked_past[thing], thing, -1).astype(np.int32)
+    return np.where(looked_past[thing], thing, np.int32(-1))

@@ -35,9 +35,9 @@ class WallLines:
     turn_deg: float
     """From the rows of the map to the nearer direction of the walls, -45 to 45."""
     line: Ints
-    """(h, w) number of the line on each cell, -1 where none; of lines that cross, the best supported."""
+    """(h, w) number of the line on each cell, -1 where none; of lines that cross, the highest."""
     support_m: NDArray[np.float64]
-    """(L,) length of the shorter of the two walls beside the gap."""
+    """(L,) length of the shorter of the two walls beside the gap, from the shortest to the longest."""
     gap_m: NDArray[np.float64]
     """(L,) length of the gap."""
 
@@ -57,12 +57,19 @@ def find_wall_lines(wall: Flags, clear: Flags, cell_m: float) -> WallLines:
         ends.append(corners[:, :, ::-1] if flip else corners)
         lengths.append(np.stack([gap[:, 3:].min(axis=1), gap[:, 2] - gap[:, 1] + 1], axis=1) * cell_m)
     back = cv2.invertAffineTransform(there)
-    end = np.rint(np.concatenate(ends) @ back[:, :2].T + back[:, 2]).astype(int)
     support_m, gap_m = np.concatenate(lengths).T
+    order = np.lexsort((-gap_m, support_m))
+    end = np.rint(np.concatenate(ends)[order] @ back[:, :2].T + back[:, 2]).astype(int).tolist()
     line = np.full(wall.shape, -1, np.int32)
-    for number in np.argsort(support_m, kind="stable").tolist():
-        cv2.line(line, end[number, 0].tolist(), end[number, 1].tolist(), number, 1)
-    return WallLines(turn_deg, line, support_m, gap_m)
+    for number, (first, last) in enumerate(end):
+        cv2.line(line, first, last, number, 1)
+    return WallLines(turn_deg, line, support_m[order], gap_m[order])
+
+
+def without_specks(occupied: Flags) -> Flags:
+    """(H, W) occupied cells but those by themselves, which are noise and no wall."""
+    around = cv2.blur(occupied.astype(np.float32), (3, 3), borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(occupied & (around > 1.5 / 9))
 
 
 def walls_of(occupied: Flags, clear: Flags) -> Flags:
@@ -113,6 +120,19 @@ def _gaps(wall: Flags, clear: Flags, cell_m: float) -> Ints:
     thick = cv2.dilate(np.ascontiguousarray(wall, np.uint8), band) > 0
     bridge, least, most = (round(metres / cell_m) for metres in (BRIDGE_M, WALL_M, GAP_M))
     found = wall_gaps.gaps(thick, np.ascontiguousarray(clear), bridge, max(least, 1), most)
+    found = found[_off_middle(found) <= 1]
     order = np.lexsort((-found[:, 3:].max(axis=1), -found[:, 3:].min(axis=1))).astype(np.int32)
     beside, slack = round(BESIDE_M / cell_m), max(round(SLACK_M / cell_m), 1)
     return found[wall_gaps.apart(found, order, wall.shape[0], wall.shape[1], beside, slack)]
+
+
+def _off_middle(found: Ints) -> Ints:
+    """(G,) how far each gap (G, 5) is off the middle of the same gaps in the rows above and below, in half rows."""
+    row = found[:, 0]
+    order = np.lexsort((row, *found[:, 1:].T))
+    breaks = np.append(True, (np.diff(found[order, 1:], axis=0) != 0).any(axis=1) | (np.diff(row[order]) != 1))
+    group = np.cumsum(breaks[: row.size]) - 1
+    first, size = np.flatnonzero(breaks[: row.size]), np.bincount(group)
+    off = np.empty_like(row)
+    off[order] = np.abs(2 * (np.arange(row.size) - first[group]) - (size[group] - 1))
+    return off

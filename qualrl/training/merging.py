@@ -14,6 +14,7 @@ import argparse
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +30,14 @@ from qualrl.spatial.view import look
 
 FIRST_SEED = 1_000_000
 """Tests use smaller seeds."""
-BAGS = 2
+BAGS = 4
 """So many sets of trees of each kind of plan are averaged."""
+ROUGH_TREES, ROUGH_RATE = 120, 0.1
+"""Trees by which the next round's zones are merged, and their rate."""
 SAMPLES = 30_000
 """At most so many of a plan are kept."""
-NOISY, COARSER, FINER = 0.2, 0.2, 0.05
-"""Shares of the plans with noise in single cells, with cells twice as large, with cells half as large."""
+NOISY, COARSER = 0.2, 0.25
+"""Shares of the plans with noise in single cells, and with cells twice as large."""
 FURNITURE_M = 0.35
 """As ``segment`` looks past it."""
 LEAST_ODDS = -1.0
@@ -47,28 +50,22 @@ Stored = dict[str, NDArray[Any]]
 def samples_of(seed: int, stored: Stored, crowded: bool) -> Samples:
     """(N, F + 2) what is met on one plan: features, whether the two are one place, the smaller area."""
     plan = random_floor_plan(seed, crowded=crowded)
-    grid, place = varied(plan, np.random.default_rng([seed, 1])) if crowded else (plan.grid, plan.place)
+    grid, place = varied(plan, np.random.default_rng([seed, 1]))
     view = look(grid.free, grid.resolution_m, FURNITURE_M)
-    graph = zone_graph_of(view, view.of_grid(grid.occupied))
-    place = place[view.window].repeat(view.zoom, 0).repeat(view.zoom, 1)
-    return samples_on(graph, truth_of(graph, np.pad(place, 1, constant_values=-1)), unpacked(stored))
+    graph = zone_graph_of(view, grid.occupied)
+    return samples_on(graph, truth_of(graph, view.of_grid(place, -1)), unpacked(stored))
 
 
 def varied(plan: FloorPlan, rng: np.random.Generator) -> tuple[OccupancyGrid, NDArray[np.int32]]:
-    """The map of a plan and the place of each cell: some coarser, some finer, some with noise in single cells."""
+    """The map of a plan and the place of each cell: some coarser, some with noise in single cells."""
     free, occupied, cell_m = plan.grid.free, plan.grid.occupied, plan.grid.resolution_m
     if rng.random() < NOISY:
         flipped = rng.random(free.shape) < rng.uniform(0.002, 0.015)
         salt = flipped & (rng.random(free.shape) < 0.5)
         free, occupied = (free & ~flipped) | salt, (occupied & ~flipped) | (flipped & ~salt)
-    size, step, repeats = rng.random(), 1, 1
-    if size < COARSER:
-        step = 2
-    elif size < COARSER + FINER:
-        repeats = 2
-    free, occupied = (flags[::step, ::step].repeat(repeats, 0).repeat(repeats, 1) for flags in (free, occupied))
-    place = plan.place[::step, ::step].repeat(repeats, 0).repeat(repeats, 1)
-    return OccupancyGrid(free, occupied, cell_m * step / repeats), place
+    step = 2 if rng.random() < COARSER else 1
+    free, occupied = free[::step, ::step], occupied[::step, ::step]
+    return OccupancyGrid(free, occupied, cell_m * step), plan.place[::step, ::step]
 
 
 def samples_on(graph: ZoneGraph, truth: NDArray[np.int32], trees: Trees) -> Samples:
@@ -88,15 +85,18 @@ def truth_of(graph: ZoneGraph, place: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.asarray(table.argmax(axis=1) - 1, np.int32)
 
 
-def trained(samples: Samples, trees: int) -> Stored:
-    """Boosted trees fitted to samples, as arrays.  Pairs of large places weigh more."""
+def trained(samples: Samples, trees: int, rate: float = 0.08, seed: int = 0) -> Stored:
+    """Boosted trees fitted to samples, as arrays; rate: how much of what is left each explains.
+
+    Pairs of large places weigh more.  The seed chooses the samples that set the bounds of bins.
+    """
     from sklearn.ensemble import HistGradientBoostingClassifier
 
     count = len(kernels.FEATURES)
     weight = np.sqrt(np.minimum(samples[:, count + 1], 20)) + 0.05
     model = HistGradientBoostingClassifier(
-        max_iter=trees, learning_rate=0.08, max_leaf_nodes=24, l2_regularization=1.0, min_samples_leaf=80,
-        early_stopping=False, random_state=0,
+        max_iter=trees, learning_rate=rate, max_leaf_nodes=24, l2_regularization=1.0, min_samples_leaf=80,
+        early_stopping=False, random_state=seed,
     )  # fmt: skip
     model.fit(samples[:, :count], samples[:, count] > 0, sample_weight=weight)
     return packed([tree[0].nodes for tree in model._predictors], float(model._baseline_prediction[0, 0]))
@@ -136,25 +136,26 @@ def averaged(parts: Sequence[Stored]) -> Stored:
 def train(plans: int, trees: int, jobs: int) -> Stored:
     """Trees trained on so many plans of each kind, plain and crowded: BAGS times for each, on half of its plans."""
     bags = []
-    with ProcessPoolExecutor(jobs) as pool:
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         for crowded in (False, True):
             stored = packed([], 0.0)
             met: list[Samples] = []
-            for count in (plans // 8, plans // 3, plans):
+            for count in (max(plans // 8, 1), max(plans // 3, 1), plans):
+                if met:
+                    stored = trained(np.concatenate(met), ROUGH_TREES, ROUGH_RATE)
                 seeds = range(FIRST_SEED + len(met), FIRST_SEED + len(met) + count)
                 met += pool.map(partial(samples_of, stored=stored, crowded=crowded), seeds, chunksize=8)
-                stored = trained(np.concatenate(met), trees)
                 print(f"crowded: {crowded}, {count} plans, {sum(map(len, met))} samples in all", flush=True)
             for bag in range(BAGS):
-                chosen = np.random.default_rng(bag).choice(len(met), len(met) // 2, replace=False)
-                bags.append(trained(np.concatenate([met[plan] for plan in chosen]), trees))
+                chosen = np.random.default_rng(bag).choice(len(met), max(len(met) // 2, 1), replace=False)
+                bags.append(trained(np.concatenate([met[plan] for plan in chosen]), trees, seed=bag))
     return averaged(bags)
 
 
 def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--plans", type=int, default=900)
+    parser.add_argument("--plans", type=int, default=800)
     parser.add_argument("--trees", type=int, default=200)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("merging.npz"))

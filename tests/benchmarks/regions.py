@@ -8,7 +8,8 @@ union), the adjusted Rand index, the best intersection over union of each true r
 is off, as a share.  True and found regions of up to 100 cells do not count.
 
 Then how far the regions agree (adjusted Rand index) with those of the same map turned, mirrored, drawn with cells half
-or twice as large, or with 1 % of its cells black or white; and seconds and memory.
+or twice as large, or with 1 % of its cells black or white, and the share of cells whose region keeps its name; and
+seconds and memory.
 """
 
 import argparse
@@ -99,14 +100,18 @@ def _twice(shape: tuple[int, ...]) -> Any:
     return lambda label: label.repeat(2, 0).repeat(2, 1)[: shape[0], : shape[1]]
 
 
-def steadiness(grid: OccupancyGrid) -> dict[str, float]:
-    """By change, how far the regions of the changed map agree, over the cells free in both."""
-    first = qualrl.segment(grid).label_image()
+def steadiness(grid: OccupancyGrid) -> dict[str, tuple[float, float]]:
+    """By change, over the cells free in both: how far the changed map's regions agree, the share that keep a name."""
+    regions = qualrl.segment(grid)
+    first = regions.label_image()
     found = {}
     for name, other, back in changed(grid):
-        label = back(qualrl.segment(other).label_image())
+        now = qualrl.segment(other)
+        label = back(now.label_image())
         both = (first > 0) & (label > 0)
-        found[name] = adjusted_rand_index(first[both], label[both])
+        one, two = (np.array(seen.region_names) for seen in (regions, now))
+        kept = float((one[first[both] - 1] == two[label[both] - 1]).mean())
+        found[name] = adjusted_rand_index(first[both], label[both]), kept
     return found
 
 
@@ -127,9 +132,9 @@ def report(title: str, cases: list[Case]) -> None:
     for column, name in enumerate(("F1", "ARI", "IoU", "count error")):
         print(f"  {name:22s}{table[:, column].mean():.3f}   {spread[0, column]:.3f} to {spread[1, column]:.3f}")
     for name in agreed[0]:
-        values = np.array([row[name] for row in agreed])
+        values, kept = np.array([row[name] for row in agreed]).T
         low, high = np.quantile(values, [0.25, 0.75])
-        print(f"  {name:22s}{values.mean():.3f}   {low:.3f} to {high:.3f}")
+        print(f"  {name:22s}{values.mean():.3f}   {low:.3f} to {high:.3f}   names {kept.mean():.3f}")
     print(f"  {'seconds':22s}{np.mean(seconds):.3f}   at most {max(seconds):.3f}", flush=True)
 
 

@@ -1,0 +1,65 @@
+"""One way to look at a map, however it is turned by quarters or mirrored: so its regions are turned with it."""
+
+from itertools import product
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Flags = NDArray[np.bool_]
+Number = TypeVar("Number", np.bool_, np.int32, np.float32)
+
+
+class Posture(NamedTuple):
+    """How a map is shown: first with rows as columns, then upside down, then mirrored, each if so."""
+
+    transposed: bool
+    upside_down: bool
+    mirrored: bool
+
+    def of(self, array: NDArray[Number]) -> NDArray[Number]:
+        """An array (rows, columns) of the grid as it is shown."""
+        shown = array.T if self.transposed else array
+        return np.ascontiguousarray(shown[:: -1 if self.upside_down else 1, :: -1 if self.mirrored else 1])
+
+    def back(self, shown: NDArray[Number]) -> NDArray[Number]:
+        """An array of the grid from what is shown."""
+        array = shown[:: -1 if self.upside_down else 1, :: -1 if self.mirrored else 1]
+        return array.T if self.transposed else array
+
+
+def posture(free: Flags) -> Posture:
+    """How to show free cells (rows, columns): wider than high, the heavier half on the left and above.
+
+    Of postures that do so alike that with the least bytes, so that what is shown is the same for all of a map's turns.
+    """
+    rows, columns = (_Lean.of(free.sum(axis=axis).tolist()) for axis in (1, 0))
+
+    def balance(shown: Posture) -> tuple[int, ...]:
+        down, right = (columns, rows) if shown.transposed else (rows, columns)
+        at, to = 1 if shown.upside_down else -1, 1 if shown.mirrored else -1
+        return right.length, right.spread, to * right.first, to * right.third, at * down.first, at * down.third
+
+    postures = [Posture(*shown) for shown in product((False, True), repeat=3)]
+    most = max(map(balance, postures))
+    best = [shown for shown in postures if balance(shown) == most]
+    return best[0] if len(best) == 1 else min(best, key=lambda shown: shown.of(free).tobytes())
+
+
+class _Lean(NamedTuple):
+    """Moments of free cells about the middle, exact: alike in size when mirrored."""
+
+    length: int
+    """Rows (or columns)."""
+    spread: int
+    first: int
+    third: int
+
+    @classmethod
+    def of(cls, cells: list[int]) -> "_Lean":
+        """Of the free cells by row (or column)."""
+        off = range(1 - len(cells), len(cells), 2)
+        spread, first, third = (
+            sum(count * at**power for at, count in zip(off, cells, strict=True)) for power in (2, 1, 3)
+        )
+        return cls(len(cells), spread, first, third)
