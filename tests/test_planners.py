@@ -174,7 +174,7 @@ def test_replayed_values_grow_towards_the_optimum_and_never_pass_it(model, n_ste
 def test_curiosity_alone_finds_the_best_way_among_bad_ends(model, seed):
     """Without chance and without epsilon: what was never tried must not be left for an end that is known."""
     learner = start_learner(model, "hql-replay", LearnSettings(episodes=10**6, epsilon=0.0, max_steps=60), seed)
-    learner.advance(30_000)
+    learner.advance(200_000)
     best = World(model).dense().optimal()[model.start].max()
     assert learner.learned().q[model.start].max() == pytest.approx(best, abs=1e-6)  # of what is let go
 

@@ -62,7 +62,8 @@ def _look_further(
     if value[s] <= 0:
         return _way_back(levels.undoes, seen.tries, notes[NEEDED], s, uint64(notes[CAME_BY]), u, n_actions)
     notes[PATIENCE] = min(2 * notes[PATIENCE], MOST_PATIENCE)
-    notes[RETRY_AT] = notes[CLOCK] + notes[PATIENCE] * looked  # so that looking in vain costs next to nothing
+    # So looking in vain costs next to nothing; but not always after as many steps, or it might be at one state alone.
+    notes[RETRY_AT] = notes[CLOCK] + notes[PATIENCE] * looked + int64(below(u, notes[PATIENCE]))
     return -1
 
 
@@ -128,7 +129,7 @@ def _search(
         if is_end(grid, table, x):
             continue  # nothing is ever tried there, and nothing to be
         if untried(seen.tries, needed, x, uint64(0), n_actions) >= 0:
-            if levels.relevant[levels.region_of[x]]:
+            if levels.relevant[levels.region_of[x]] and levels.promise > value[x]:
                 return _lay_path(levels, s, x, n_actions), n
             since = levels.since[x] if levels.since[x] > 0 else NEVER
             if levels.region_of[x] != levels.region_of[s]:
