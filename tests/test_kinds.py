@@ -154,7 +154,7 @@ def names_of(seen: RegionMap, turn: Callable[[np.ndarray], np.ndarray] = np.arra
     """Name by region, as the description gives them when the map is turned."""
     apart = np.isin(seen.label, [at for at, region in enumerate(seen.regions) if region.kind == "pocket"])
     label, occupied, apart = (np.ascontiguousarray(turn(image)) for image in (seen.label, seen.grid.occupied, apart))
-    parts = measure(label, apart, np.ones(label.shape, np.float32))
+    parts = measure(label, apart, np.ones(len(seen.regions), np.float32))
     regions, order = describe(parts, turned(seen, turn), occupied, seen.grid.resolution_m)
     return [region.name for _, region in sorted(zip(order, regions, strict=True), key=lambda pair: pair[0])]
 

@@ -46,3 +46,37 @@ def test_what_zones_hold_is_counted(zone, thickness):
     assert found[:, 0].tolist() == cells
     assert found[:, 1].tolist() == [sum(max(width, 0.5) for width in widths) for widths in wide]
     assert found[:, 2].tolist() == [max(widths, default=0) for widths in wide]
+
+
+@given(LABELS)
+def test_used_labels_are_numbered_without_gaps_in_their_order(label):
+    used = sorted(set(label[label >= 0].tolist()))
+    expected = np.array([[used.index(here) if here >= 0 else -1 for here in row] for row in label.tolist()])
+    assert labels.consecutive(label) == len(used)
+    np.testing.assert_array_equal(label, expected)
+
+
+@given(LABELS, arrays(np.int32, 4, elements=st.integers(-1, 9)))
+def test_labels_get_new_numbers_in_place(label, number):
+    expected = [[int(number[here]) if here >= 0 else -1 for here in row] for row in label.tolist()]
+    assert labels.renumber(label, number) is label
+    assert label.tolist() == expected
+
+
+@given(LABELS)
+def test_each_piece_has_the_label_of_its_cells(label):
+    piece, count = regions.pieces(label)
+    found = labels.labels_at(piece, count, label)
+    assert all({int(found[here])} == set(label[piece == here].tolist()) for here in range(count))
+    assert ((piece >= 0) == (label >= 0)).all()
+
+
+@given(LABELS, WIDTHS, WIDTHS, st.sampled_from([0.5, 1.0, np.inf]))
+def test_labels_lose_what_is_near_their_border_unless_nothing_is_left(label, away, thickness, most):
+    is_core = away > np.minimum(thickness / 2, np.float32(most))
+    expected = label.copy()
+    for number in range(4):
+        if is_core[label == number].any():
+            expected[(label == number) & ~is_core] = -1
+    regions.keep_cores(label, away, thickness, np.float32(most))
+    np.testing.assert_array_equal(label, expected)

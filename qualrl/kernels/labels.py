@@ -53,6 +53,44 @@ def sizes(label: Ints, count: int) -> NDArray[np.int64]:
 
 
 @compiled
+def renumber(label: Ints, number: Ints) -> Ints:
+    """Put the number (count,) of each label in its place; -1 stays.  The label image (H, W) is updated."""
+    flat = label.ravel()
+    for cell in range(flat.size):
+        if flat[cell] >= 0:
+            flat[cell] = number[flat[cell]]
+    return label
+
+
+@compiled
+def consecutive(label: Ints) -> int:
+    """Number the labels that are used from 0 without gaps, in their order; how many.  (H, W) label is updated."""
+    number = np.zeros(label.max() + 1, np.int32)
+    flat = label.ravel()
+    for here in flat:
+        if here >= 0:
+            number[here] = 1
+    count = 0
+    for at in range(number.size):
+        if number[at]:
+            number[at] = count
+            count += 1
+    renumber(label, number)
+    return count
+
+
+@compiled
+def labels_at(piece: Ints, count: int, label: Ints) -> Ints:
+    """(count,) label (H, W) of the last cell of each piece (H, W), -1 where none."""
+    found = np.full(count, -1, np.int32)
+    for row in range(piece.shape[0]):
+        for column in range(piece.shape[1]):
+            if piece[row, column] >= 0:
+                found[piece[row, column]] = label[row, column]
+    return found
+
+
+@compiled
 def measured(label: Ints, count: int, depth: Floats) -> tuple[NDArray[np.int64], NDArray[np.float64], Ints]:
     """Of each label: (count,) its cells, (count, 2) the sums of their rows and columns, (count,) its centre.
 

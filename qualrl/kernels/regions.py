@@ -244,6 +244,22 @@ def _host(zone: int, area: Floats, breadth: Floats, bonds: Bonds, rules: Rules) 
 
 
 @compiled
+def keep_cores(label: Ints, from_border: Floats, thickness: Floats, most: np.float32) -> None:
+    """Take from each label what is nearer to its border than ``most`` and half the thickness, unless nothing is left.
+
+    label, from_border, thickness (H, W); label is -1 where not free and is updated.
+    """
+    flat, away, thick = label.ravel(), from_border.ravel(), thickness.ravel()
+    has_core = np.zeros(flat.max() + 1, np.bool_)
+    for cell in range(flat.size):
+        if flat[cell] >= 0 and away[cell] > min(thick[cell] / 2, most):
+            has_core[flat[cell]] = True
+    for cell in range(flat.size):
+        if flat[cell] >= 0 and has_core[flat[cell]] and away[cell] <= min(thick[cell] / 2, most):
+            flat[cell] = -1
+
+
+@compiled
 def flood(label: Ints, mask: Flags, depth: Floats) -> Ints:
     """Grow labels over the mask, deep cells first; borders settle where the fronts meet.  The label image is updated.
 
@@ -257,7 +273,7 @@ def flood(label: Ints, mask: Flags, depth: Floats) -> Ints:
         top = max(top, int(8 * depths[cell]))
     head = np.full(top + 1, -1, np.int32)
     tail = head.copy()
-    following = np.full(result.size, -1, np.int32)
+    following = np.empty(result.size, np.int32)
     for cell in range(result.size):
         if result[cell] < 0 or not inside[cell]:
             continue

@@ -31,8 +31,8 @@ def _may_go(label: Any, row: int, column: int) -> bool:
 
 
 @compiled
-def thin(label: Ints, order: Ints) -> NDArray[np.bool_]:
-    """(H, W) the cells that stay when each shape is worn down, cells in the given order, to a line.
+def thin(label: Ints, order: Ints) -> Ints:
+    """(H, W) the shapes, each worn down, cells in the given order, to a line; -1 elsewhere.
 
     label (H, W), -1 outside every shape; order: flat indices of the cells, those near the edge first.
     """
@@ -46,19 +46,19 @@ def thin(label: Ints, order: Ints) -> NDArray[np.bool_]:
             if left[row, column] >= 0 and _may_go(left, row, column):
                 left[row, column] = -1
                 gone += 1
-    return left >= 0
+    return left
 
 
 @compiled
 def prune(line: Ints, distance: NDArray[np.float32], least: float) -> Ints:
-    """(H, W) the lines without the spurs that corners and niches leave, -1 elsewhere.
+    """(H, W) the lines, updated, without the spurs that corners and niches leave.
 
     line (H, W): number of the shape that each cell of its line belongs to, -1 elsewhere; distance (H, W) to the
     nearest cell that is not free.  A spur leads from a joint to its tip and reaches less than ``least`` times the
     joint's distance beyond the disc there.  At each joint the shortest goes, again and again: what it met there may be
     one line with the longer one.
     """
-    left = line.copy()
+    left = line
     cells = np.flatnonzero(left.ravel() >= 0)
     while True:
         joints, reaches, tips = _spurs(left, cells, distance, least)

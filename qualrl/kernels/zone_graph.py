@@ -3,6 +3,8 @@
 H, W: rows, columns.  Z: zones.  D: directions.  N: steps.  All lengths are in cells.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -56,7 +58,7 @@ def amounts(zone: Ints, thickness: NDArray[np.float32], count: int) -> Floats:
 
 
 @compiled
-def line_at_steps(ends: Ints, line: Ints) -> Ints:
+def line_at_steps(ends: Ints, line: Any) -> Ints:
     """(N,) of the lines on or beside the two cells of each step the one of the highest number, -1 where none.
 
     ends (N, 2) flat indices, the smaller first; line (H, W) number of the line on each cell, -1 where none.

@@ -70,20 +70,22 @@ class Parts(NamedTuple):
     """(R,)"""
 
 
-def measure(label: Labels, apart: Flags, thickness: Floats) -> Parts:
-    """The regions of a label image (H, W) of any numbers from 0, -1 where not free.
+def mean_half_width(label: Labels, thickness: Floats) -> Floats:
+    """(R,) mean of the thickness (H, W), the radius of the largest free disc over each cell, in each region (H, W)."""
+    cells, wide, _ = zone_graph.amounts(label, thickness, int(label.max()) + 1).T
+    return np.asarray(wide / cells, np.float32)
 
-    apart (H, W) what nothing connects to the rest; thickness (H, W) radius of the largest free disc over each cell.
+
+def measure(label: Labels, apart: Flags, half_width: Floats) -> Parts:
+    """The regions of a label image (H, W): numbers from 0 without gaps, -1 where not free.
+
+    apart (H, W) what nothing connects to the rest; half_width (R,).
     """
-    free = label >= 0
-    used = labels.sizes(label, int(label.max()) + 1) > 0
-    number = np.append(np.cumsum(used) - 1, -1).astype(np.int32)[label]
-    border = np.zeros(number.size, np.bool_)
-    border[kernels.crossings(number)] = True
-    depth = distance_within(np.pad(free & ~border.reshape(number.shape), 1))[1:-1, 1:-1]
-    cells, sums, centre = labels.measured(number, int(used.sum()), depth)
-    half_width = zone_graph.amounts(number, thickness, len(cells))[:, 1] / cells
-    return Parts(number, cells, sums / cells[:, None], centre, half_width.astype(np.float32), apart.ravel()[centre])
+    inside = label >= 0
+    inside.ravel()[kernels.crossings(label)] = False
+    depth = distance_within(np.pad(inside, 1))[1:-1, 1:-1]
+    cells, sums, centre = labels.measured(label, len(half_width), depth)
+    return Parts(label, cells, sums / cells[:, None], centre, half_width, apart.ravel()[centre])
 
 
 def describe(

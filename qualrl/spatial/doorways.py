@@ -6,6 +6,7 @@ H, W: rows, columns.  E: steps between two regions, each with an end (a flat cel
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,11 @@ Ints = NDArray[np.int32]
 
 
 def find_doorways(
-    label: Ints, distance: NDArray[np.float32], thing: Ints, narrowest: NDArray[np.float32], resolution_m: float
+    label: Ints,
+    distance: NDArray[np.float32],
+    thing: NDArray[np.signedinteger[Any]],
+    narrowest: NDArray[np.float32],
+    resolution_m: float,
 ) -> tuple[Doorway, ...]:
     """One doorway for each separate contact between two regions, in the order of its regions and position.
 
@@ -81,7 +86,7 @@ def _breadth(free: NDArray[np.bool_], ends: Ints) -> Ints:
     return np.where(is_down[:, None], along.ravel()[ends], across.ravel()[ends])
 
 
-def _contacts(ends: Ints, pair: Ints, thing: Ints) -> Ints:
+def _contacts(ends: Ints, pair: Ints, thing: NDArray[np.signedinteger[Any]]) -> Ints:
     """(E,) the contact that each step belongs to.
 
     Steps between the same regions belong together when their ends are 8-adjacent or touch the same thing.

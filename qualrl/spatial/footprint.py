@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from qualrl.errors import MapError, SettingError
 from qualrl.kernels import regions as kernels
-from qualrl.spatial.description import measure, recorded, shapes_of
+from qualrl.spatial.description import mean_half_width, measure, recorded, shapes_of
 from qualrl.spatial.distance import distance_within, thickness_over
 from qualrl.spatial.doorways import find_doorways
 from qualrl.spatial.landmarks import middle_of
@@ -131,8 +131,8 @@ def _described(
         kind = before.regions[region].kind if is_main or area_m2 >= LEAST_ROOM_M2 else "pocket"
         titles.append((before.regions[region].name if is_main else new.name(kind), kind))
     apart = np.array([kind == "pocket" for _, kind in titles])
-    parts = measure(label, (label >= 0) & apart[label], _thickness(label >= 0))
-    parts = parts._replace(half_width=_half_widths(parts.half_width, origins, before))
+    half_width = _half_widths(mean_half_width(label, _thickness(label >= 0)), origins, before)
+    parts = measure(label, (label >= 0) & apart[label], half_width)
     shapes = shapes_of(parts, doorways, _walls(label, before, radius_m), resolution_m)
     return tuple(recorded(parts, titles, shapes, resolution_m))
 

@@ -144,9 +144,8 @@ def _corridor_marks(
 
 
 def _without_holes(inside: Ints, width: Floats) -> Ints:
-    """The shapes (H, W) with what stands free in them, and is not as long as they are wide, filled: posts, bins."""
+    """The shapes (H, W), updated: what stands free in them and is shorter than they are wide is filled."""
     _, hole, stats, _ = cv2.connectedComponentsWithStats((inside < 0).astype(np.uint8), connectivity=8)
-    filled = inside.copy()
     height, breadth = inside.shape
     longer = np.maximum(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT])
     for at in np.flatnonzero(longer < width.max()):
@@ -157,8 +156,8 @@ def _without_holes(inside: Ints, width: Floats) -> Ints:
         mask = hole[box] == at
         around = inside[box][(cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0) & ~mask]
         if (around == around[0]).all() and longer[at] < width[around[0]]:
-            filled[box][mask] = around[0]
-    return filled
+            inside[box][mask] = around[0]
+    return inside
 
 
 def _free_beside(label: Ints, region: int, cell: Cell) -> Cell:

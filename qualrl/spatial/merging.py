@@ -18,7 +18,7 @@ from qualrl.kernels import merging as kernels
 from qualrl.kernels import regions as zone_kernels
 from qualrl.kernels import wall_gaps, zone_graph
 from qualrl.kernels.bonds import Bonds, linked
-from qualrl.kernels.labels import borders, sizes
+from qualrl.kernels.labels import borders, consecutive, renumber, sizes
 from qualrl.kernels.trees import Trees
 from qualrl.spatial.distance import distance_within, thickness_over
 from qualrl.spatial.straightening import straightened
@@ -61,7 +61,8 @@ def merged_regions(view: View, occupied: Flags, min_area_m2: float) -> Labels:
     """(h, w) region of each cell of the view, -1 where it is not free; occupied (H, W)."""
     graph = zone_graph_of(view, occupied)
     kernels.merge(graph.places, graph.bonds, trees(), graph.about, LEAST_ODDS, min_area_m2, NO_SAMPLES)
-    region = np.append(graph.places.parent, np.int32(-1))[graph.zone]
+    region = renumber(graph.zone, graph.places.parent)
+    del graph
     return straightened(region, view, STRAIGHTENED_M / view.cell_m)
 
 
@@ -103,16 +104,15 @@ def _zones(view: View, cut: Flags) -> Labels:
     """(h, w) zones of alike thickness of the free space as the lines cut it (h, w), numbered from 0."""
     distance = distance_within(cut)
     zone, count = flat_zones(thickness_over(distance), distance, PINCH, STEP)
-    del distance
-    small = sizes(zone, count) < LEAST_ZONE_M2 / view.cell_m**2
-    zone[np.append(small, False)[zone]] = -1
+    del distance, cut
+    is_small = sizes(zone, count) < LEAST_ZONE_M2 / view.cell_m**2
+    renumber(zone, np.where(is_small, -1, np.arange(count)).astype(np.int32))
     clear = view.distance > 0
     zone_kernels.flood(zone, clear, view.distance)
     rest, _ = zone_kernels.pieces(np.where(clear & (zone < 0), np.int32(0), np.int32(-1)))
     np.copyto(zone, rest + np.int32(count), where=rest >= 0)
-    used = sizes(zone, max(int(zone.max()) + 1, 1)) > 0
-    number = np.where(used, np.cumsum(used) - 1, -1).astype(np.int32)
-    return np.append(number, np.int32(-1))[zone]
+    consecutive(zone)
+    return zone
 
 
 def _places(zone: Labels, count: int, view: View, wall: Flags, lines: WallLines) -> kernels.Places:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Flags = NDArray[np.bool_]
-Number = TypeVar("Number", np.bool_, np.int32, np.float32)
+Number = TypeVar("Number", bound=np.generic)
 
 
 class Posture(NamedTuple):

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from qualrl.errors import SettingError
 from qualrl.kernels import regions as kernels
-from qualrl.kernels.labels import sizes
-from qualrl.spatial.description import describe, measure
+from qualrl.kernels.labels import consecutive, labels_at, renumber, sizes
+from qualrl.spatial.description import describe, mean_half_width, measure
 from qualrl.spatial.doorways import find_doorways, renumbered
 from qualrl.spatial.footprint import fitted
 from qualrl.spatial.joining import joined_regions
@@ -68,17 +68,23 @@ def segment(
     else:
         seen = view.to_grid(joined_regions(view, min_area_m2 / view.cell_m**2, pinch), -1)
     shown = view.posture
-    label = shown.back(_settled(shown.of(seen), shown.of(grid.free & ~apart), min_area_m2 / resolution_m**2)).copy()
+    seen = shown.of(seen)
+    label = shown.back(_settled(seen, shown.of(grid.free & ~apart), min_area_m2 / resolution_m**2))
+    label = np.ascontiguousarray(label)
+    del seen
     label[apart] = pocket + label.max() + 1
-    parts = measure(label, apart, view.width_on_grid(view.thickness))
+    consecutive(label)
+    half_width = mean_half_width(label, view.width_on_grid(view.thickness))
     distance, thing = view.width_on_grid(view.distance), view.to_grid(view.thing, -1)
-    del view, seen
-    unordered = find_doorways(parts.label, distance, thing, pinch * parts.half_width, resolution_m)
+    del view
+    parts = measure(label, apart, half_width)
+    del apart
+    unordered = find_doorways(label, distance, thing, pinch * half_width, resolution_m)
     del thing
     regions, order = describe(parts, unordered, grid.occupied, resolution_m)
     rank = np.argsort(order).astype(np.int32)
-    label = np.append(rank, np.int32(-1))[parts.label]
-    half_width, doorways = parts.half_width[order], renumbered(unordered, rank.tolist())
+    renumber(label, rank)
+    half_width, doorways = half_width[order], renumbered(unordered, rank.tolist())
     landmarks = find_landmarks(label, regions, doorways, distance, half_width, resolution_m)
     return fitted(RegionMap(grid, label, regions, doorways, landmarks), radius_m)
 
@@ -106,26 +112,27 @@ def _walled(
 
 
 def _settled(seen: Labels, free: Flags, min_area: float) -> Labels:
-    """(H, W) a strict partition of the free space into 4-connected regions, from the view's regions.
+    """(H, W) a strict partition of the free space into 4-connected regions, from the view's (seen, overwritten).
 
     Of each region the largest piece stays and grows over the cells that the view did not show.
     """
-    piece, cells = _pieces(np.where(free, seen, np.int32(-1)))
-    shown = free & (piece >= 0)
-    owner = np.zeros(cells.size, np.int32)
-    owner[piece[shown]] = seen[shown]
+    seen[~free] = -1
+    piece, cells = _pieces(seen)
+    owner = labels_at(piece, cells.size, seen)
     most = np.zeros(int(seen.max()) + 1, np.int64)
     np.maximum.at(most, owner, cells)
-    stays = cells == most[owner] if cells.size else np.zeros(0, np.bool_)
+    stays = cells == most[owner]
+    number = np.arange(cells.size, dtype=np.int32)
+    np.copyto(seen, piece)
+    label = renumber(seen, np.where(stays & (cells >= min_area), number, np.int32(-1)))
     level = np.zeros(free.shape, np.float32)
-    label = np.full(free.shape, -1, np.int32)
     # Scraps, as between the rays of a scanner, go to the region beside them; where there is none, to themselves.
-    for chosen in (stays & (cells >= min_area), stays):
-        if not (free & (label < 0)).any():
-            return label
-        seeds = shown & (label < 0) & np.append(chosen, False)[piece]
-        np.copyto(label, piece, where=seeds)
-        kernels.flood(label, free, level)
+    kernels.flood(label, free, level)
+    left = free & (label < 0)
+    if not left.any():
+        return label
+    np.copyto(label, renumber(piece, np.where(stays, number, np.int32(-1))), where=left)
+    kernels.flood(label, free, level)
     unseen, _ = _pieces(np.where(free & (label < 0), np.int32(0), np.int32(-1)))
     np.copyto(label, unseen + np.int32(cells.size), where=unseen >= 0)
     return label

@@ -24,8 +24,7 @@ def pruned_skeleton(label: Ints, distance: Floats) -> "nx.Graph[int]":
     order = np.flatnonzero(label >= 0).astype(np.int32)
     # Whole hundredths: distances that differ by rounding only must not decide.
     order = order[np.argsort(np.rint(distance.ravel()[order] * 100), kind="stable")]
-    line = np.where(thin(label, order), label, np.int32(-1))
-    return _joined(prune(line, distance, LEAST_REACH))
+    return _joined(prune(thin(label, order), distance, LEAST_REACH))
 
 
 def _joined(label: Ints) -> "nx.Graph[int]":

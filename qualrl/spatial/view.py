@@ -9,6 +9,8 @@ otherwise).  However a map is turned by quarters or mirrored, the view is the sa
 """
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import cv2
 import numpy as np
@@ -35,6 +37,7 @@ GAP_DISTANCE = 0.05
 Flags = NDArray[np.bool_]
 Labels = NDArray[np.int32]
 Floats = NDArray[np.float32]
+Things = NDArray[np.signedinteger[Any]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +46,7 @@ class View:
 
     distance: Floats
     """(h, w) to the nearest cell that is not free; 0 on those and in passages that are seen past."""
-    thickness: Floats
-    """(h, w) radius of the largest free disc over each cell."""
-    thing: Labels
+    thing: Things
     """(h, w) number of the piece of furniture at each cell, -1 where none: it counts as free."""
     zoom: int
     """Cells of the view along each cell of the grid."""
@@ -56,6 +57,13 @@ class View:
     shape: tuple[int, int]
     """(H, W)"""
     posture: Posture
+
+    @cached_property
+    def thickness(self) -> Floats:
+        """(h, w) radius of the largest free disc over each cell; kept from when it is first asked for."""
+        found = thickness_over(self.distance)
+        found[self.distance == np.float32(GAP_DISTANCE)] = GAP_DISTANCE
+        return found
 
     def to_grid(self, array: NDArray[Number], elsewhere: int) -> NDArray[Number]:
         """(H, W) an array (h, w) as seen from the grid, and its value where the view does not reach."""
@@ -98,9 +106,13 @@ def look(free: Flags, cell_m: float, furniture_m: float) -> View:
         opened = cv2.morphologyEx(clear.astype(np.uint8), cv2.MORPH_OPEN, disc) > 0
         clear = opened if opened.any() else clear
     distance = distance_within(clear)
-    thickness = thickness_over(distance)
-    distance[gap & clear] = thickness[gap & clear] = GAP_DISTANCE
-    return View(distance, thickness, thing, zoom, cell_m / zoom, window, shape, turned)
+    distance[gap & clear] = GAP_DISTANCE
+    return View(distance, thing, zoom, cell_m / zoom, window, shape, turned)
+
+
+def smallest(most: int) -> type[np.signedinteger[Any]]:
+    """The smallest type of whole numbers from -1 to ``most``: label images are large."""
+    return np.int8 if most < 2**7 else np.int16 if most < 2**15 else np.int32
 
 
 def shrunk(flags: Flags, times: int, cell: bool) -> Flags:
@@ -144,7 +156,7 @@ def _gaps(free: Flags) -> Flags:
     return np.asarray(free & corners & through, np.bool_)
 
 
-def _furniture(free: Flags, cell_m: float, zoom: int, furniture_m: float) -> Labels:
+def _furniture(free: Flags, cell_m: float, zoom: int, furniture_m: float) -> Things:
     """(h, w) number of the free-standing thing at each cell, if it is small or a compact block; else -1.
 
     cell_m: side of a cell of the view.
@@ -157,4 +169,5 @@ def _furniture(free: Flags, cell_m: float, zoom: int, furniture_m: float) -> Lab
     block = solid & (longer < 3 * shorter) & (width_m * height_m < BLOCK_M2) & (shorter > 1.5 * zoom * cell_m)
     looked_past = block | (longer < furniture_m)
     looked_past[[0, thing[0, 0]]] = False
-    return np.where(looked_past[thing], thing, np.int32(-1))
+    number = np.where(looked_past, np.cumsum(looked_past) - 1, -1)
+    return np.asarray(number.astype(smallest(int(number.max())))[thing])

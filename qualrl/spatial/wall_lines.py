@@ -34,7 +34,7 @@ class WallLines:
 
     turn_deg: float
     """From the rows of the map to the nearer direction of the walls, -45 to 45."""
-    line: Ints
+    line: NDArray[np.int16] | NDArray[np.int32]
     """(h, w) number of the line on each cell, -1 where none; of lines that cross, the highest."""
     support_m: NDArray[np.float64]
     """(L,) length of the shorter of the two walls beside the gap, from the shortest to the longest."""
@@ -60,7 +60,7 @@ def find_wall_lines(wall: Flags, clear: Flags, cell_m: float) -> WallLines:
     support_m, gap_m = np.concatenate(lengths).T
     order = np.lexsort((-gap_m, support_m))
     end = np.rint(np.concatenate(ends)[order] @ back[:, :2].T + back[:, 2]).astype(int).tolist()
-    line = np.full(wall.shape, -1, np.int32)
+    line = np.full(wall.shape, -1, np.int16 if len(end) < 2**15 else np.int32)
     for number, (first, last) in enumerate(end):
         cv2.line(line, first, last, number, 1)
     return WallLines(turn_deg, line, support_m[order], gap_m[order])
@@ -68,8 +68,8 @@ def find_wall_lines(wall: Flags, clear: Flags, cell_m: float) -> WallLines:
 
 def without_specks(occupied: Flags) -> Flags:
     """(H, W) occupied cells but those by themselves, which are noise and no wall."""
-    around = cv2.blur(occupied.astype(np.float32), (3, 3), borderType=cv2.BORDER_CONSTANT)
-    return np.asarray(occupied & (around > 1.5 / 9))
+    near = cv2.boxFilter(occupied.astype(np.uint8), -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(occupied & (near > 1))
 
 
 def walls_of(occupied: Flags, clear: Flags) -> Flags:
