@@ -92,7 +92,7 @@ def test_a_place_without_walls_is_open() -> None:
     known = segment(OccupancyGrid(free, occupied, 0.1))
     walled = segment(OccupancyGrid.from_free(free, 0.1))
     assert region_at(known, (82, 130)).name == "open area 1"
-    assert region_at(known, (82, 40)).kind == "room"
+    assert region_at(known, (82, 40)).kind == "hall"
     assert region_at(walled, (82, 130)).kind != "open area"
 
 
@@ -110,6 +110,12 @@ def test_maps_without_units_have_no_halls_for_their_size() -> None:
     free[16:48:16, 8::16] = free[8::16, 16:48:16] = True
     seen = segment(OccupancyGrid.from_free(free))
     assert [region.kind for region in seen.regions] == ["room"] * 9
+
+
+@pytest.mark.parametrize(("resolution_m", "kind"), [(0.05, "room"), (0.1, "hall"), (1.0, "room")])
+def test_a_single_large_room_is_a_hall_where_cells_have_a_size(resolution_m: float, kind: str) -> None:
+    free = plan((10, 10, 90, 80))
+    assert [region.kind for region in segment(OccupancyGrid.from_free(free, resolution_m)).regions] == [kind]
 
 
 def test_numbers_that_decide_are_those_one_measures() -> None:

@@ -2,8 +2,8 @@
 
 R regions.  H, W: rows, columns of the grid.  Lengths are in cells unless their name says otherwise.
 
-The rules, first come first served; areas are meant for buildings, but a hall is also large beside the other rooms, so
-that maps without units, whose cells count as a metre, have no halls for their size alone:
+The rules, first come first served; areas are meant for buildings, but a hall is also large beside the other rooms (if
+any), so that maps without units, whose cells count as a metre, have no halls for their size alone:
 
 - pocket: nothing connects it to the rest of the map;
 - open area: openings, or unknown space, bound it rather than walls;
@@ -27,6 +27,7 @@ from qualrl.kernels import regions as kernels
 from qualrl.spatial.distance import distance_within
 from qualrl.spatial.naming import name_regions, ordered
 from qualrl.spatial.region_map import Doorway, Region, Shape
+from qualrl.spatial.view import WALLED_M
 
 ELONGATED = 3.0
 """A corridor's area is at least this many squares of its width, twice as many if fewer than two ways lead out."""
@@ -36,7 +37,7 @@ left empty is at least this."""
 CLOSET_M2 = 5.0
 """A closet has less area."""
 HALL_M2, HALL_TIMES = 60.0, 2.5
-"""A hall has at least this area, and this many times that of the map's typical (median) room."""
+"""A hall has at least this area, and this many times that of the map's typical (median) room, unless it is alone."""
 HUB_M2, HUB_TIMES, HUB_WAYS = 25.0, 1.5, 5
 """So much is enough for a hall with that many ways out."""
 OPEN = 0.5
@@ -93,7 +94,7 @@ def describe(
 ) -> tuple[tuple[Region, ...], list[int]]:
     """The regions in their order, with names, kinds and what decided these; and the number of each in ``parts``."""
     shapes = shapes_of(parts, doorways, occupied, resolution_m)
-    kinds = _kinds(parts.is_pocket, (parts.cells * resolution_m**2).tolist(), shapes)
+    kinds = _kinds(parts.is_pocket, (parts.cells * resolution_m**2).tolist(), shapes, resolution_m <= WALLED_M)
     regions = recorded(parts, [("", kind) for kind in kinds], shapes, resolution_m)
     order = ordered(regions, resolution_m)
     return name_regions([regions[at] for at in order]), order
@@ -156,14 +157,15 @@ def _sides(inside: Flags, upright: bool) -> tuple[float, float]:
     return longer, shorter
 
 
-def _kinds(is_pocket: Flags, areas_m2: Sequence[float], shapes: Sequence[Shape]) -> list[str]:
-    """The kind of each region: see the rules above."""
+def _kinds(is_pocket: Flags, areas_m2: Sequence[float], shapes: Sequence[Shape], in_metres: bool) -> list[str]:
+    """The kind of each region: see the rules above; a single room is beside no others."""
     kinds = [
         "pocket" if apart else _kind(area_m2, shape)
         for apart, area_m2, shape in zip(is_pocket, areas_m2, shapes, strict=True)
     ]
     rooms = [at for at, kind in enumerate(kinds) if kind == "room"]
-    typical_m2 = float(np.median([areas_m2[at] for at in rooms])) if rooms else 0.0
+    compared = rooms if len(rooms) > 1 or not in_metres else ()
+    typical_m2 = float(np.median([areas_m2[at] for at in compared])) if compared else 0.0
     for at in rooms:
         if _is_hall(areas_m2[at], shapes[at], typical_m2):
             kinds[at] = "hall"
