@@ -16,8 +16,8 @@ from qualrl.report.lettering import SMALLEST_PX, Lettering
 from qualrl.report.sheet import Sheet
 from qualrl.spatial.region_map import Region, RegionMap
 
-MOST_NAMES = 400
-"""More names than this are a heap of text: the largest regions have theirs."""
+MOST_NAMES = 5000
+"""The largest regions have names; a place for each costs a millisecond or two."""
 SPECK_EM = 0.5
 """Furniture smaller than this does not keep names away."""
 LARGEST_EM, SIZES = 1.5, 5
