@@ -158,9 +158,9 @@ def test_borders_are_counted_side_by_side(seed: int) -> None:
 
 def names_of(seen: RegionMap, turn: Callable[[np.ndarray], np.ndarray] = np.array) -> list[str]:
     """Name by region, as the description gives them when the map is turned."""
-    apart = np.isin(seen.label, [at for at, region in enumerate(seen.regions) if region.kind == "pocket"])
-    label, occupied, apart = (np.ascontiguousarray(turn(image)) for image in (seen.label, seen.grid.occupied, apart))
-    parts = measure(label, apart, np.ones(len(seen.regions), np.float32))
+    is_pocket = np.array([region.kind == "pocket" for region in seen.regions])
+    label, occupied = (np.ascontiguousarray(turn(image)) for image in (seen.label, seen.grid.occupied))
+    parts = measure(label, is_pocket, np.ones(len(seen.regions), np.float32))
     regions, order = describe(parts, turned(seen, turn), occupied, seen.grid.resolution_m)
     return [region.name for _, region in sorted(zip(order, regions, strict=True), key=lambda pair: pair[0])]
 

@@ -4,6 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy import ndimage
 
 from qualrl.kernels import labels, regions, zone_graph
 from tests import oracles_regions
@@ -69,6 +70,14 @@ def test_each_piece_has_the_label_of_its_cells(label):
     found = labels.labels_at(piece, count, label)
     assert all({int(found[here])} == set(label[piece == here].tolist()) for here in range(count))
     assert ((piece >= 0) == (label >= 0)).all()
+
+
+@given(LABELS, FLAGS)
+def test_what_has_no_label_is_numbered_piece_by_piece(label, mask):
+    piece, _ = ndimage.label(mask & (label < 0))  # 4-connected; scipy numbers pieces in the order of their first cell
+    expected = np.where(piece > 0, piece + label.max(), label)
+    assert regions.number_rest(label, mask) is label
+    np.testing.assert_array_equal(label, expected)
 
 
 @given(LABELS, WIDTHS, WIDTHS, st.sampled_from([0.5, 1.0, np.inf]))

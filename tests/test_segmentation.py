@@ -12,8 +12,7 @@ from hypothesis.extra.numpy import arrays
 
 from qualrl.errors import SettingError
 from qualrl.kernels import regions as kernels
-from qualrl.kernels.thickness import disc_centres, local_thickness
-from qualrl.spatial.distance import distance_within
+from qualrl.spatial.distance import distance_within, thickness_over
 from qualrl.spatial.doorways import find_doorways
 from qualrl.spatial.naming import letters, reading_order
 from qualrl.spatial.occupancy_grid import OccupancyGrid
@@ -345,9 +344,7 @@ def test_thickness_is_the_largest_disc_over_nearly_every_cell(free: np.ndarray) 
     distance[tuple(cells.T)] = radius
     covers = np.sqrt(((cells[:, None] - cells[None]) ** 2).sum(axis=2)) < radius[:, None] - 1e-3
     largest = np.where(covers, radius[:, None], 0).max(axis=0)
-    centres = disc_centres(distance)
-    order = centres[np.argsort(-distance.ravel()[centres], kind="stable")]
-    thickness = local_thickness(distance, order)[tuple(cells.T)]
+    thickness = thickness_over(distance)[tuple(cells.T)]
     assert (thickness <= largest + 1e-3).all()
     assert (thickness >= 0.8 * largest).mean() >= 0.9  # only ridges hold discs, so some corners see a smaller one
 

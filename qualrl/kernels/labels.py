@@ -42,6 +42,11 @@ def steps_within(label: Any, centres: Any) -> Any:
     return steps
 
 
+def as_label(mask: NDArray[np.bool_]) -> NDArray[np.int8]:
+    """(H, W) 0 where the mask is, -1 elsewhere."""
+    return mask.view(np.int8) - np.int8(1)
+
+
 @compiled
 def sizes(label: Ints, count: int) -> NDArray[np.int64]:
     """(count,) cells of each label (H, W), -1 where none."""

@@ -4,7 +4,7 @@ H, W: rows, columns.  F: free cells.  Z: zones.  E: contacts between zones.
 All moves are 4-connected.  Lengths and areas are in cells.  -1 stands for "none" in every label.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,8 +83,8 @@ def _numbered(forest: Ints, height: int, width: int) -> tuple[Ints, int]:
 
 
 @compiled
-def pieces(label: Ints) -> tuple[Ints, int]:
-    """4-connected pieces of equal label: (H, W) piece of each cell, -1 where label is; and their number."""
+def pieces(label: Any) -> tuple[Ints, int]:
+    """4-connected pieces of equal label: (H, W) int32 piece of each cell, -1 where label is; and their number."""
     height, width = label.shape
     flat = label.ravel()
     forest = np.full(flat.size, NO_SET, np.int32)
@@ -97,6 +97,31 @@ def pieces(label: Ints) -> tuple[Ints, int]:
             if other >= 0 and flat[other] == flat[cell]:
                 _unite(forest, _root(forest, other), _root(forest, cell))
     return _numbered(forest, height, width)
+
+
+@compiled
+def number_rest(label: Ints, mask: Flags) -> Ints:
+    """Number the 4-connected pieces of the mask (H, W) where no label is, after the last label and in the order of
+    their first cell; the label image (H, W), -1 for none, is updated.
+    """
+    height, width = label.shape
+    flat, inside = label.ravel(), mask.ravel()
+    number = flat.max() + 1
+    waiting = np.empty(flat.size, np.int32)
+    for cell in range(flat.size):
+        if flat[cell] >= 0 or not inside[cell]:
+            continue
+        flat[cell], waiting[0], count = number, cell, 1
+        while count:
+            count -= 1
+            here = waiting[count]
+            for side in range(4):
+                other = _beside(here, side, height, width)
+                if other >= 0 and inside[other] and flat[other] < 0:
+                    flat[other], waiting[count] = number, other
+                    count += 1
+        number += 1
+    return label
 
 
 @compiled_part
@@ -113,7 +138,7 @@ def thick_first(thickness: Floats, distance: Floats) -> Ints:
     from what is not free, then by position; widths in whole sixteenths of a cell, up to 4095 cells.
     """
     first, second = distance.ravel(), thickness.ravel()
-    order = np.flatnonzero(first > 0).astype(np.int32)
+    order = _positive(first)
     for width in (first, second):
         start = np.zeros(65537, np.int64)
         for cell in order:
@@ -126,6 +151,21 @@ def thick_first(thickness: Floats, distance: Floats) -> Ints:
             start[key] += 1
         order = result
     return order
+
+
+@compiled
+def _positive(values: Floats) -> Ints:
+    """Indices of the values above 0; numpy's would take twice the room."""
+    count = 0
+    for value in values:
+        count += 1 if value > 0 else 0
+    found = np.empty(count, np.int32)
+    count = 0
+    for at in range(values.size):
+        if values[at] > 0:
+            found[count] = at
+            count += 1
+    return found
 
 
 @compiled_part

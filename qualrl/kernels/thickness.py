@@ -3,6 +3,8 @@
 H, W: rows, columns.  Distances and radii are in cells.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,17 +18,17 @@ UPHILL = np.float32(0.9)
 
 
 @compiled
-def local_thickness(distance: Floats, centres: Ints) -> Floats:
+def local_thickness(distance: Floats, centres: Ints, unpainted: Any) -> Floats:
     """(H, W) radius of the largest free disc that covers each cell, 0 where not free.
 
     distance (H, W): from each cell to the nearest cell that is not free, 0 where not free.
     centres: flat indices of the discs' centres, the largest disc first (see ``disc_centres``).
+    unpainted (H, W + 1): room for whole numbers up to W.
     Discs are painted from large to small and each cell once: in every row, ``unpainted`` points to the
     next cell that no disc has reached, so the work grows with the discs' rows and not with their areas.
     """
     height, width = distance.shape
     thickness = np.zeros((height, width), np.float32)
-    unpainted = np.empty((height, width + 1), np.int32)
     for column in range(width + 1):
         unpainted[:, column] = column
     flat = distance.ravel()
@@ -70,7 +72,7 @@ def disc_centres(distance: Floats) -> Ints:
 
 
 @compiled_part
-def _next(unpainted: Ints, row: int, column: int) -> int:
+def _next(unpainted: Any, row: int, column: int) -> int:
     """The row's first unpainted column from this one on; the pointers passed are halved on the way."""
     while unpainted[row, column] != column:
         unpainted[row, column] = unpainted[row, unpainted[row, column]]

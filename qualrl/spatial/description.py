@@ -77,16 +77,13 @@ def mean_half_width(label: Labels, thickness: Floats) -> Floats:
     return np.asarray(wide / cells, np.float32)
 
 
-def measure(label: Labels, apart: Flags, half_width: Floats) -> Parts:
-    """The regions of a label image (H, W): numbers from 0 without gaps, -1 where not free.
-
-    apart (H, W) what nothing connects to the rest; half_width (R,).
-    """
+def measure(label: Labels, is_pocket: Flags, half_width: Floats) -> Parts:
+    """The regions of a label image (H, W), from 0 without gaps, -1 where not free; is_pocket, half_width (R,)."""
     inside = label >= 0
     inside.ravel()[kernels.crossings(label)] = False
     depth = distance_within(np.pad(inside, 1))[1:-1, 1:-1]
     cells, sums, centre = labels.measured(label, len(half_width), depth)
-    return Parts(label, cells, sums / cells[:, None], centre, half_width, apart.ravel()[centre])
+    return Parts(label, cells, sums / cells[:, None], centre, half_width, is_pocket)
 
 
 def describe(

@@ -22,4 +22,7 @@ def distance_within(free: NDArray[np.bool_]) -> NDArray[np.float32]:
 def thickness_over(distance: NDArray[np.float32]) -> NDArray[np.float32]:
     """(H, W) radius of the largest free disc over each cell, from the distances to what is not free, in cells."""
     centres = disc_centres(distance)
-    return local_thickness(distance, centres[np.argsort(-distance.ravel()[centres], kind="stable")])
+    largest_first = centres[np.argsort(-distance.ravel()[centres], kind="stable")]
+    height, width = distance.shape
+    room = np.empty((height, width + 1), np.int16 if width < 2**15 else np.int32)
+    return local_thickness(distance, largest_first, room)

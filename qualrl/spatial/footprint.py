@@ -130,9 +130,9 @@ def _described(
     for (region, is_main), area_m2 in zip(origins, areas_m2.tolist(), strict=True):
         kind = before.regions[region].kind if is_main or area_m2 >= LEAST_ROOM_M2 else "pocket"
         titles.append((before.regions[region].name if is_main else new.name(kind), kind))
-    apart = np.array([kind == "pocket" for _, kind in titles])
+    is_pocket = np.array([kind == "pocket" for _, kind in titles])
     half_width = _half_widths(mean_half_width(label, _thickness(label >= 0)), origins, before)
-    parts = measure(label, (label >= 0) & apart[label], half_width)
+    parts = measure(label, is_pocket, half_width)
     shapes = shapes_of(parts, doorways, _walls(label, before, radius_m), resolution_m)
     return tuple(recorded(parts, titles, shapes, resolution_m))
 

@@ -85,10 +85,9 @@ def unpacked(stored: dict[str, NDArray[np.generic]]) -> Trees:
 
 def zone_graph_of(view: View, occupied: Flags) -> ZoneGraph:
     """The zones of a view, unmerged; occupied (H, W)."""
-    clear = view.distance > 0
-    wall = walls_of(view.of_grid(without_specks(occupied) if view.zoom == 1 else occupied), clear)
-    lines = find_wall_lines(wall, clear, view.cell_m)
-    zone = _zones(view, clear & (lines.line < 0))
+    wall = walls_of(view.of_grid(without_specks(occupied) if view.zoom == 1 else occupied), view.clear)
+    lines = find_wall_lines(wall, view.clear, view.cell_m)
+    zone = _zones(view, view.clear & (lines.line < 0))
     count = int(zone.max()) + 1
     ends = zone_kernels.crossings(zone)
     places = _places(zone, count, view, wall, lines)
@@ -107,10 +106,8 @@ def _zones(view: View, cut: Flags) -> Labels:
     del distance, cut
     is_small = sizes(zone, count) < LEAST_ZONE_M2 / view.cell_m**2
     renumber(zone, np.where(is_small, -1, np.arange(count)).astype(np.int32))
-    clear = view.distance > 0
-    zone_kernels.flood(zone, clear, view.distance)
-    rest, _ = zone_kernels.pieces(np.where(clear & (zone < 0), np.int32(0), np.int32(-1)))
-    np.copyto(zone, rest + np.int32(count), where=rest >= 0)
+    zone_kernels.flood(zone, view.clear, view.distance)
+    zone_kernels.number_rest(zone, view.clear)
     consecutive(zone)
     return zone
 

@@ -3,12 +3,14 @@
 H, W: rows, columns of the grid.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.errors import SettingError
 from qualrl.kernels import regions as kernels
-from qualrl.kernels.labels import consecutive, labels_at, renumber, sizes
+from qualrl.kernels.labels import as_label, consecutive, labels_at, renumber, sizes
 from qualrl.spatial.description import describe, mean_half_width, measure
 from qualrl.spatial.doorways import find_doorways, renumbered
 from qualrl.spatial.footprint import fitted
@@ -56,29 +58,24 @@ def segment(
         raise TypeError(f"segment needs an OccupancyGrid, from qualrl.read_map, got {type(grid).__name__}")
     _check(min_area_m2=(min_area_m2, 1e6), furniture_m=(furniture_m, 1e3), pinch=(pinch, 1.0))
     resolution_m = grid.resolution_m
-    island, cells = _pieces(np.where(grid.free, np.int32(0), np.int32(-1)))
-    is_pocket = cells < max(min_area_m2 / resolution_m**2, 9)
-    is_pocket[np.argmax(cells)] = False
-    apart = grid.free & is_pocket[island]
-    pocket = island[apart]
-    del island
-    view = look(grid.free & ~apart, resolution_m, furniture_m)
+    free, in_pockets, pocket = _without_pockets(grid.free, max(min_area_m2 / resolution_m**2, 9))
+    view = look(free, resolution_m, furniture_m)
     if resolution_m <= WALLED_M:
-        seen = _walled(view, grid.free & ~apart, grid.occupied, resolution_m, furniture_m, min_area_m2)
+        seen = _walled(view, free, grid.occupied, resolution_m, furniture_m, min_area_m2)
     else:
         seen = view.to_grid(joined_regions(view, min_area_m2 / view.cell_m**2, pinch), -1)
     shown = view.posture
-    seen = shown.of(seen)
-    label = shown.back(_settled(seen, shown.of(grid.free & ~apart), min_area_m2 / resolution_m**2))
+    seen, free = shown.of(seen), shown.of(free)
+    label = shown.back(_settled(seen, free, min_area_m2 / resolution_m**2))
     label = np.ascontiguousarray(label)
-    del seen
-    label[apart] = pocket + label.max() + 1
-    consecutive(label)
+    del seen, free
+    label.ravel()[in_pockets] = pocket + label.max() + 1
+    is_pocket = np.zeros(consecutive(label), np.bool_)
+    is_pocket[label.ravel()[in_pockets]] = True
     half_width = mean_half_width(label, view.width_on_grid(view.thickness))
     distance, thing = view.width_on_grid(view.distance), view.to_grid(view.thing, -1)
     del view
-    parts = measure(label, apart, half_width)
-    del apart
+    parts = measure(label, is_pocket, half_width)
     unordered = find_doorways(label, distance, thing, pinch * half_width, resolution_m)
     del thing
     regions, order = describe(parts, unordered, grid.occupied, resolution_m)
@@ -87,6 +84,17 @@ def segment(
     half_width, doorways = half_width[order], renumbered(unordered, rank.tolist())
     landmarks = find_landmarks(label, regions, doorways, distance, half_width, resolution_m)
     return fitted(RegionMap(grid, label, regions, doorways, landmarks), radius_m)
+
+
+def _without_pockets(free: Flags, least: float) -> tuple[Flags, NDArray[np.intp], Labels]:
+    """The free cells (H, W) but for pieces of fewer cells than the largest and than ``least``; flat indices of those
+    pieces' cells, and the piece of each.
+    """
+    island, cells = _pieces(as_label(free))
+    is_pocket = cells < least
+    is_pocket[np.argmax(cells)] = False
+    apart = free & is_pocket[island]
+    return free & ~apart, np.flatnonzero(apart), island[apart]
 
 
 def _check(**settings: tuple[float, float]) -> None:
@@ -133,12 +141,10 @@ def _settled(seen: Labels, free: Flags, min_area: float) -> Labels:
         return label
     np.copyto(label, renumber(piece, np.where(stays, number, np.int32(-1))), where=left)
     kernels.flood(label, free, level)
-    unseen, _ = _pieces(np.where(free & (label < 0), np.int32(0), np.int32(-1)))
-    np.copyto(label, unseen + np.int32(cells.size), where=unseen >= 0)
-    return label
+    return kernels.number_rest(label, free)
 
 
-def _pieces(label: Labels) -> tuple[Labels, NDArray[np.int64]]:
+def _pieces(label: NDArray[np.signedinteger[Any]]) -> tuple[Labels, NDArray[np.int64]]:
     """(H, W) number of the 4-connected piece of equal label at each cell, and the cells of each piece."""
     piece, count = kernels.pieces(label)
     return piece, sizes(piece, count)

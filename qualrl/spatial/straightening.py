@@ -18,4 +18,4 @@ def straightened(region: Labels, view: View, most: float = np.inf) -> Labels:
     beyond = np.ones(region.shape, np.bool_)
     beyond.ravel()[ends] = False
     kernels.keep_cores(region, distance_within(beyond), view.thickness, np.float32(most))
-    return kernels.flood(region, view.distance > 0, view.distance)
+    return kernels.flood(region, view.clear, view.distance)

@@ -44,8 +44,10 @@ Things = NDArray[np.signedinteger[Any]]
 class View:
     """The free space as the segmentation looks at it; distances and widths in cells of the view."""
 
-    distance: Floats
-    """(h, w) to the nearest cell that is not free; 0 on those and in passages that are seen past."""
+    clear: Flags
+    """(h, w) free, or furniture; but for passages that are seen past."""
+    gap: NDArray[np.intp]
+    """Flat indices of the clear cells that are gaps of one cell."""
     thing: Things
     """(h, w) number of the piece of furniture at each cell, -1 where none: it counts as free."""
     zoom: int
@@ -59,10 +61,17 @@ class View:
     posture: Posture
 
     @cached_property
+    def distance(self) -> Floats:
+        """(h, w) to the nearest cell that is not clear, 0 on those; kept from when it is first asked for."""
+        found = distance_within(self.clear)
+        found.ravel()[self.gap] = GAP_DISTANCE
+        return found
+
+    @cached_property
     def thickness(self) -> Floats:
         """(h, w) radius of the largest free disc over each cell; kept from when it is first asked for."""
         found = thickness_over(self.distance)
-        found[self.distance == np.float32(GAP_DISTANCE)] = GAP_DISTANCE
+        found.ravel()[self.gap] = GAP_DISTANCE
         return found
 
     def to_grid(self, array: NDArray[Number], elsewhere: int) -> NDArray[Number]:
@@ -105,9 +114,7 @@ def look(free: Flags, cell_m: float, furniture_m: float) -> View:
         disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
         opened = cv2.morphologyEx(clear.astype(np.uint8), cv2.MORPH_OPEN, disc) > 0
         clear = opened if opened.any() else clear
-    distance = distance_within(clear)
-    distance[gap & clear] = GAP_DISTANCE
-    return View(distance, thing, zoom, cell_m / zoom, window, shape, turned)
+    return View(clear, np.flatnonzero(gap & clear), thing, zoom, cell_m / zoom, window, shape, turned)
 
 
 def smallest(most: int) -> type[np.signedinteger[Any]]:
