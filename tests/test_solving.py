@@ -24,8 +24,8 @@ def goals(free):
 
 
 @given(
-    st.data(), free_masks(side=5, connected=False), st.sampled_from([4, 8]), st.sampled_from([0.0, 0.2, 0.6]),
-    st.sampled_from([0.0, 0.5, 0.9]),
+    st.data(), free_masks(side=5, connected=False), st.sampled_from([4, 8]),
+    st.sampled_from([0.0, 0.2, 0.6, 0.75, 0.95]), st.sampled_from([0.0, 0.5, 0.9, 0.99]),
 )  # fmt: skip
 @settings(max_examples=60, deadline=None)
 def test_exact_values_equal_textbook_value_iteration(data, free, directions, slip, gamma):
@@ -37,6 +37,22 @@ def test_exact_values_equal_textbook_value_iteration(data, free, directions, sli
     np.testing.assert_allclose(found.value, [expected[tuple(c)] for c in world.cells.tolist()], atol=1e-8)
     explicit = exact_values(world.table())
     np.testing.assert_allclose(explicit.value, found.value, atol=1e-8)
+
+
+@pytest.mark.parametrize(("slip", "gamma"), [(0.1, 0.9), (0.5, 0.95), (0.75, 0.95), (0.9, 0.9)])
+@pytest.mark.parametrize("directions", [4, 8])
+def test_far_states_are_as_exact_as_near_ones(slip, gamma, directions):
+    generator = np.random.default_rng(4)
+    free = np.pad(generator.random((58, 58)) > 0.2, 1)
+    free[30, 30] = True
+    world = GridWorld(free, (30, 30), gamma, slip, directions)
+    found = exact_values(world)
+    reached = world.outward
+    assert directions == 8 or found.shifted[reached].min() < 0.03 * found.shifted[reached].max()
+    backup = [max(action_values(world, found.shifted, found.shift, state)) for state in reached.tolist()]
+    np.testing.assert_allclose(backup, found.shifted[reached], rtol=2e-12)
+    swept = exact_values(world.table())  # another loop: all states again and again, from below
+    np.testing.assert_allclose(swept.shifted[reached], found.shifted[reached], rtol=1e-9)
 
 
 @given(st.data(), free_masks(side=7, connected=False), st.sampled_from([4, 8]))

@@ -1,4 +1,4 @@
-"""Dynamic programming by Gauss-Seidel sweeps, outward from the goal and up from a lower bound.
+"""Dynamic programming by Gauss-Seidel sweeps, outward from the goal.
 
 Values are *shifted*: W = V + K with K = -r_min / (1 - gamma), so that W >= 0 everywhere and rewards
 become r - r_min.  The policy is the same, and far from the goal, where V differs from r_min / (1 - gamma)
@@ -10,6 +10,10 @@ from typing import Any
 import numpy as np
 
 from qualrl.kernels.jit import compiled
+
+FIRST, REACHED, SWEEPS, SURE = range(4)
+MOST_RELAXED = 100_000
+"""After so many sweeps no step is longer than to its backup: that way values settle for sure."""
 
 
 @compiled
@@ -37,31 +41,63 @@ def grid_backup(
 
 
 @compiled
-def solve_grid(
-    successor: Any,
+def settle_grid(
+    near: Any,
+    layer_end: Any,
     reward: Any,
     goal: Any,
     goal_value: Any,
     gamma: Any,
     slip: Any,
-    order: Any,
+    relaxation: Any,
     value: Any,
+    waiting: Any,
+    at: Any,
     tolerance: Any,
     max_sweeps: Any,
 ) -> Any:
-    """Sweep the states of ``order`` until none changes by more than tolerance times itself; the sweeps made.
+    """Sweep states until none is further from its backup than tolerance times itself; the sweeps made, or -1.
 
-    States that are not in ``order`` keep their value: they are the boundary.
+    The N states are numbered outward from the goal, so that a sweep hands values outward, and
+    layer_end[k] is the end of layer k.  near (N, A): where moves lead; from N on: states with values that stay.
+    Each sweep takes in one more layer: farther ones would start from values that are still wrong.
+    A state waits for its backup, waiting (N + B,) bool, while its own value or one beside it changes; at the
+    end a sweep over all states makes sure.  relaxation: steps to the backup are so many times as long.
+    ``at``: (FIRST, REACHED, SWEEPS, SURE), all 0 at first, kept from call to call.
     """
-    q = np.empty(successor.shape[1])
+    n, n_actions = near.shape
+    other = slip / (n_actions - 1)
+    chosen = 1.0 - slip - other
     for sweep in range(max_sweeps):
-        change = 0.0
-        for s in order:
-            best = grid_backup(successor, reward, goal, goal_value, gamma, slip, value, s, q)
-            change = max(change, abs(best - value[s]) / max(best, 1e-300))
-            value[s] = best
-        if change <= tolerance:
-            return sweep + 1
+        first = at[FIRST]
+        while first < n and not waiting[first]:
+            first += 1
+        if first == n and at[SURE]:
+            return sweep
+        if first == n:
+            waiting[:], first, at[SURE], at[REACHED] = True, 0, 1, layer_end.size - 1
+        ahead = 1.0 if at[SURE] or at[SWEEPS] > MOST_RELAXED else relaxation
+        back = first
+        for s in range(first, layer_end[at[REACHED]]):
+            if not waiting[s]:
+                continue
+            waiting[s] = False
+            best, worst, total = -np.inf, np.inf, 0.0
+            for a in range(n_actions):
+                t = near[s, a]
+                worth = goal_value if t == goal else reward[a] + gamma * value[t]
+                best, worst, total = max(best, worth), min(worst, worth), total + worth
+            backup = chosen * (best if chosen >= 0.0 else worst) + other * total
+            change = backup - value[s]
+            value[s] = backup + (ahead - 1.0) * change
+            if abs(change) > tolerance * max(backup, 1e-300):
+                waiting[s], at[SURE] = True, 0
+                for a in range(n_actions):
+                    t = near[s, a]
+                    waiting[t] = True
+                    back = min(back, t)
+        at[FIRST], at[SWEEPS] = back, at[SWEEPS] + 1
+        at[REACHED] = min(at[REACHED] + 1, layer_end.size - 1)
     return -1
 
 
@@ -123,7 +159,10 @@ def solve_table(
     tolerance: Any,
     max_sweeps: Any,
 ) -> Any:
-    """As ``solve_grid``, for a table; terminal states keep their value."""
+    """Sweep the states of ``order`` until none changes by more than tolerance times itself; the sweeps made, or -1.
+
+    Terminal states keep their value, as do those that are not in ``order``.
+    """
     q = np.empty(n_actions)
     for sweep in range(max_sweeps):
         change = 0.0

@@ -11,12 +11,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels import bellman
 from qualrl.kernels.grid import breadth_first
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.values import PlanValues
 from qualrl.qualitative.graph import crossings_of
-from qualrl.solving.exact import TOLERANCE, swept
+from qualrl.solving.exact import settle_outward
 from qualrl.spatial.region_map import Doorway, RegionMap
 
 
@@ -110,10 +109,10 @@ class _Room:
                     successor[exit_number, back] = at
         value = np.concatenate([np.zeros(n), values.shifted[list(beyond)]])
         best = n + int(np.argmax(value[n:]))  # a door is narrow: nearly all ways lead over its best cell
-        order, _ = breadth_first(successor, np.array([best]))
-        swept(
-            n, bellman.solve_grid,
-            successor, world.move_reward + values.shift * (1 - world.gamma), -1, 0.0, world.gamma, world.slip,
-            order[order < n], value, TOLERANCE,
+        order, steps = breadth_first(successor, np.array([best]))
+        order = order[order < n]
+        settle_outward(
+            successor, order, steps[order], world.move_reward + values.shift * (1 - world.gamma), -1, 0.0,
+            world.gamma, world.slip, value,
         )  # fmt: skip
         return float(value[np.searchsorted(self.inside, state)])
