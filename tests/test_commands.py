@@ -330,7 +330,7 @@ def test_being_told_to_stop_leaves_nothing_behind(here):
 
 SOLVING = """
 from qualrl.solving.exact import exact_values
-office = qualrl.load_scenario("office").with_settings(["motion.slip=0.7"]).build()
+office = qualrl.load_scenario("office").with_settings(["motion.slip=0.75", "learn.gamma=0.99999"]).build()
 exact_values(qualrl.load_scenario("puzzle").with_settings(["motion.slip=0.7"]).build().world)
 print("at it", flush=True)
 exact_values(office.world)
@@ -345,17 +345,17 @@ qualrl.train(puzzle, algorithm="dyna-q", episodes=100_000, planning_steps=100_00
 
 @pytest.mark.parametrize("work", [SOLVING, LEARNING], ids=["solving", "learning"])
 def test_ctrl_c_is_answered_at_once(work):
-    """Both would go on for minutes; what they need is compiled before they say that they are at it."""
-    process = subprocess.Popen(
+    """Both would go on for a while; what they need is compiled before they say that they are at it."""
+    with subprocess.Popen(
         [sys.executable, "-c", "import qualrl\n" + work], cwd=ROOT, text=True, stdout=subprocess.PIPE,
         stderr=subprocess.PIPE, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )  # fmt: skip
-    assert process.stdout.readline() == "at it\n"
-    with pytest.raises(subprocess.TimeoutExpired):
-        process.wait(timeout=1)
-    begun = time.monotonic()
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
+    ) as process:  # fmt: skip
+        assert process.stdout.readline() == "at it\n"
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(timeout=1)
+        begun = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
     assert time.monotonic() - begun < 5
     assert err.endswith("KeyboardInterrupt\n")
 

@@ -21,6 +21,7 @@ from qualrl.commands.show import show
 app = typer.Typer(
     name="qualrl",
     no_args_is_help=True,
+    rich_markup_mode=None,  # rich takes longer to import than all the rest
     pretty_exceptions_enable=False,
     help="From an occupancy map to a hybrid MDP, hierarchical Q-learning, and a plan that explains itself.",
     epilog="Exit codes: 0 fine, 1 no plan exists or a check failed, 2 bad input, 3 our fault.",
@@ -42,9 +43,18 @@ def qualrl(
     """Hold the options that stand before a subcommand."""
 
 
-for command in (run, show, convert, learn, plan, learners, schema, reproduce):
-    app.command()(command)
-app.add_typer(prove, name="prove")
+for command, in_short in (
+    (run, "Map, model, learning, explained plan, pictures: all of it."),
+    (show, "Describe a scenario or a map: regions, doors, landmarks."),
+    (convert, "Map to hybrid MDP, pictures, graphs, a scenario to edit."),
+    (learn, "Learn a scenario, beside the exact optimum."),
+    (plan, "Plan between two places, and say why each step is taken."),
+    (learners, "List the learners and what each converges to."),
+    (schema, "Print the JSON Schema of scenario files, for editors."),
+    (reproduce, "Measure a figure of the paper again, and judge it."),
+):
+    app.command(short_help=in_short)(command)
+app.add_typer(prove, name="prove", short_help="Prove or refute what a theorem asks for.")
 
 
 def main() -> None:

@@ -75,8 +75,11 @@ def schedule(
         raise typer.Exit(1)
 
 
-for command in (schedule, theorem1):
-    prove.command()(command)
+for command, in_short in (
+    (schedule, "Theorem 2's conditions on a learning rate."),
+    (theorem1, "Theorem 1 on a map: is each region folded exactly?"),
+):
+    prove.command(short_help=in_short)(command)
 
 
 def _names_a_file(source: str) -> bool:
