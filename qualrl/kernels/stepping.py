@@ -126,13 +126,16 @@ def unit(u: Any) -> Any:
 
 @compiled_part
 def largest(q: Any, row: Any, n_actions: Any) -> Any:
-    """The largest of the A values from ``row`` on."""
+    """The largest of the A values from ``row`` on: two chains side by side, for the next step waits for it."""
     best = q[row]
-    for a in range(1, n_actions):
+    other = q[row + uint64(n_actions - 1)]
+    for a in range(1, n_actions - 1):
         value = q[row + uint64(a)]
-        if value > best:
-            best = value
-    return best
+        if a % 2 == 0:
+            best = max(best, value)
+        else:
+            other = max(other, value)
+    return max(best, other)
 
 
 @compiled_part

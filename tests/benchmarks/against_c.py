@@ -1,0 +1,179 @@
+"""Q-learning's compiled loop beside the same loop in C, on the same random stream.
+
+    python -m tests.benchmarks.against_c
+
+Compiles ``q_learning.c`` with gcc -O2 and -O3, without fused multiply-adds, which round differently; of the two the
+faster one counts in each round.  Both loops write down steps and return of every episode, and must agree in each of
+them and in every value.  CPU seconds of one thread; rounds alternate, so that a machine that slows down slows both.
+"""
+
+import ctypes
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+import qualrl
+from qualrl.kernels.stepping import EPISODE
+from qualrl.learning.learner import Learner
+from qualrl.learning.settings import LearnSettings
+from qualrl.learning.trainer import start_learner
+from tests.benchmarks.learning_speed import textbook_speed
+from tests.worlds import PUZZLE, grid_of
+
+ROUNDS = 9
+STEPS = (200_000, 2_000_000, 20_000_000)
+SIDES = (100, 320, 1000)
+"""Cells along the empty halls that stand for larger maps."""
+ALPHA = EPSILON = 0.01
+LEAST_EPISODE = 20
+"""No way on these maps is shorter."""
+
+
+class Result(NamedTuple):
+    """What a loop learned, and its million steps a second."""
+
+    speed: float
+    steps: NDArray[np.int64]
+    returns: NDArray[np.float64]
+    q: NDArray[np.float64]
+
+
+def compiled_with(level: str, folder: Path) -> Any:
+    """The C loop."""
+    library = folder / f"q_learning{level}.so"
+    source = Path(__file__).with_name("q_learning.c")
+    subprocess.run(["gcc", level, "-ffp-contract=off", "-shared", "-fPIC", "-o", library, source], check=True)
+    loop = ctypes.CDLL(str(library)).q_learning
+    pointer, whole, real = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+    loop.restype = whole
+    loop.argtypes = [pointer, whole, whole, real, real, whole, pointer, pointer, real, real, real, pointer, pointer]
+    return loop
+
+
+def learner(model: qualrl.HybridMDP, steps: int, seed: int) -> Learner:
+    """Q-learning that has made no step yet, with room for all episodes."""
+    return start_learner(
+        model, "q-learning", LearnSettings(episodes=steps // LEAST_EPISODE, alpha=ALPHA, epsilon=EPSILON), seed
+    )
+
+
+def ours(model: qualrl.HybridMDP, steps: int, seed: int) -> Result:
+    """One run of this project's loop."""
+    run = learner(model, steps, seed)
+    begun = time.thread_time()
+    run.advance(steps)
+    seconds = time.thread_time() - begun
+    progress, over = run.progress, int(run.progress.whole[EPISODE])
+    return Result(steps / seconds / 1e6, progress.steps[:over], progress.returns[:over], run.learned().q)
+
+
+def in_c(loop: Any, model: qualrl.HybridMDP, steps: int, seed: int) -> Result:
+    """One run of the C loop."""
+    grid, rows = model.grid, 4 * model.grid.successor.ravel()
+    stream = learner(model, steps, seed).progress.stream.copy()
+    q = np.zeros(len(rows))
+    lengths, returns = np.zeros(steps // LEAST_EPISODE, np.int64), np.zeros(steps // LEAST_EPISODE)
+    begun = time.thread_time()
+    over = loop(
+        rows.ctypes.data, model.start, grid.goal, grid.step_reward, grid.goal_reward, steps, stream.ctypes.data,
+        q.ctypes.data, ALPHA, grid.gamma, EPSILON, lengths.ctypes.data, returns.ctypes.data,
+    )  # fmt: skip
+    seconds = time.thread_time() - begun
+    return Result(steps / seconds / 1e6, lengths[:over], returns[:over], q.reshape(-1, 4))
+
+
+def check_same(one: Result, other: Result) -> None:
+    """Raise AssertionError unless two loops did the same."""
+    for found, expected in zip(one[1:], other[1:], strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
+def worlds() -> dict[str, qualrl.HybridMDP]:
+    """The puzzle, and empty halls with start and goal 40 cells apart."""
+    found = {"13 x 13 puzzle": qualrl.build(qualrl.segment(grid_of(PUZZLE)), [6, 6], start=[11, 1], gamma=0.9)}
+    for side in SIDES:
+        hall = qualrl.OccupancyGrid.from_free(np.pad(np.ones((side - 2, side - 2), np.bool_), 1), 0.05)
+        middle = side // 2
+        found[f"{side} x {side} hall"] = qualrl.build(
+            qualrl.segment(hall), [middle, middle + 20], start=[middle, middle - 20], gamma=0.9
+        )
+    return found
+
+
+class Maze(gymnasium.Env[Any, Any]):
+    """A grid world as Gymnasium has it."""
+
+    def __init__(self, model: qualrl.HybridMDP) -> None:
+        self.observation_space = gymnasium.spaces.Discrete(len(model))
+        self.action_space = gymnasium.spaces.Discrete(4)
+        self.model, self.state = model, model.start or 0
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[int, dict[str, Any]]:
+        """Back to the start."""
+        super().reset(seed=seed)
+        self.state = self.model.start or 0
+        return self.state, {}
+
+    def step(self, action: int) -> tuple[int, float, bool, bool, dict[str, Any]]:
+        """One move."""
+        grid = self.model.grid
+        self.state = int(grid.successor[self.state, action])
+        over = self.state == grid.goal
+        return self.state, grid.goal_reward if over else grid.step_reward, over, False, {}
+
+
+def gymnasium_speed(model: qualrl.HybridMDP, seed: int) -> float:
+    """Million steps a second of the loop that tutorials show: a numpy table and Gymnasium's interface."""
+    world, generator, steps = Maze(model), np.random.default_rng(seed), 100_000
+    q = np.zeros((len(model), 4))
+    begun = time.thread_time()
+    state, _ = world.reset(seed=seed)
+    for _ in range(steps):
+        explores = generator.random() < EPSILON
+        best = np.flatnonzero(q[state] == q[state].max())
+        action = int(generator.integers(4)) if explores else int(generator.choice(best))
+        after, reward, over, _, _ = world.step(action)
+        target = reward + model.grid.gamma * (0.0 if over else q[after].max())
+        q[state, action] += ALPHA * (target - q[state, action])
+        state = world.reset()[0] if over else after
+    return steps / (time.thread_time() - begun) / 1e6
+
+
+def row(name: str, model: qualrl.HybridMDP, steps: int, loops: list[Any]) -> str:
+    """A line of the table."""
+    speeds = []
+    for seed in range(ROUNDS):
+        results = [ours(model, steps, seed), *(in_c(loop, model, steps, seed) for loop in loops)]
+        for result in results[1:]:
+            check_same(results[0], result)
+        speeds.append((results[0].speed, max(result.speed for result in results[1:])))
+    mine, best = np.median(speeds, axis=0)
+    shares = np.divide(*np.transpose(speeds))
+    spread = f"{np.median(shares):.2f} ({shares.min():.2f} to {shares.max():.2f})"
+    return f"{name:18s}{steps:12,d}{mine:12.0f}{best:8.0f}{spread:>24s}"
+
+
+def main() -> None:
+    """Print the table."""
+    with tempfile.TemporaryDirectory() as folder:
+        loops = [compiled_with(level, Path(folder)) for level in ("-O2", "-O3")]
+        models = worlds()
+        ours(next(iter(models.values())), 1000, 0)  # compile
+        print(f"{'million steps/s':18s}{'steps':>12s}{'qualrl':>12s}{'C':>8s}{'share of C (range)':>24s}")
+        for name, model in models.items():
+            for steps in STEPS:
+                print(row(name, model, steps, loops), flush=True)
+    puzzle = models["13 x 13 puzzle"]
+    for name, textbook in (("over Gymnasium", gymnasium_speed), ("in plain Python", textbook_speed)):
+        times = [ours(puzzle, STEPS[-1], seed).speed / textbook(puzzle, seed) for seed in range(ROUNDS)]
+        print(f"the textbook loop {name}: {np.median(times):.0f} ({min(times):.0f} to {max(times):.0f}) times as long")
+
+
+if __name__ == "__main__":
+    main()
