@@ -93,9 +93,17 @@ def test_names_stand_on_their_own_regions(office):
         assert office.label[row, column] == index, region.name
 
 
+def _map_extent(figure) -> tuple[int, int, int, int]:
+    """Left, right, bottom, top of the map's image, from the sheet's top left corner."""
+    (image,) = figure.images
+    height, width = image.get_size()
+    top = int(figure.axes[0].get_ylim()[0]) - image.oy - height
+    return image.ox, image.ox + width, top + height, top
+
+
 def _head_and_foot(figure) -> tuple[float, float]:
     """The room that the map leaves at the top and at the bottom of its sheet, from where its image is."""
-    *_, bottom, top = figure.axes[0].images[0].get_extent()
+    *_, bottom, top = _map_extent(figure)
     height = figure.axes[0].get_ylim()[0]
     return top, height - bottom - 1
 
@@ -141,7 +149,7 @@ def test_the_scale_bar_is_as_long_as_it_says(size, resolution_m):
     bar = next(line for line in axes.lines if line.get_gid() == "scale bar")
     length_px = max(bar.get_xdata()) - min(bar.get_xdata())
     text = next(text.get_text() for text in axes.texts if text.get_gid() == "scale text")
-    left, right, *_ = axes.images[0].get_extent()
+    left, right, *_ = _map_extent(figure)
     columns = drawn_window(regions)[1]
     px_per_cell = (right - left) / (columns.stop - columns.start)
     assert length_px == pytest.approx(float(text.split()[0]) / resolution_m * px_per_cell, rel=0.01)
@@ -210,9 +218,9 @@ def test_names_and_widths_leave_the_centres_free(office, size):
 @pytest.mark.parametrize("size", SIZES)
 def test_widths_are_not_struck_through_by_walls(office, size):
     figure = overlay_figure(office, size=size)
-    pixels = np.asarray(figure.axes[0].images[0].get_array())
+    pixels = np.asarray(figure.images[0].get_array())
     is_wall = (pixels == np.multiply(to_rgb(region_colours.WALL), 255).round()).all(axis=2)
-    left, _, _, top = figure.axes[0].images[0].get_extent()
+    left, _, _, top = _map_extent(figure)
     widths = [text for text in texts_of(figure) if text.get_text().endswith("0 m")]
     assert 2 * len(widths) >= len(office.doorways)
     for text in widths:
@@ -277,7 +285,7 @@ def test_names_leave_the_marks_of_start_and_goal_free(tmp_path):
     draw_overlay(regions, tmp_path / "marked.png", path=plan.path)
     marked = cv2.imread(str(tmp_path / "marked.png"))
     figure = overlay_figure(regions, path=plan.path)
-    left, right, _, top = figure.axes[0].images[0].get_extent()
+    left, right, _, top = _map_extent(figure)
     scale = (right - left) / regions.label.shape[1]
     for region, colour in zip(regions.regions, ((255, 255, 255), (0x6B, 0x30, 0x08)), strict=True):
         row, column = (int((at + 0.5) * scale) for at in region.centre)

@@ -7,7 +7,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from matplotlib import patheffects
@@ -89,9 +89,8 @@ def _draw_map(
 ) -> list[str]:
     """All that lies on the map.  Returns what the caption has to say of it."""
     image = region_colours.region_image(regions, sheet.window, sheet.map_height, sheet.map_width)
-    sides = (sheet.left, sheet.left + sheet.map_width, sheet.top + sheet.map_height, sheet.top)
-    axes.imshow(image, extent=sides, interpolation="nearest", aspect="auto")
-    axes.set(xlim=(0, sheet.width), ylim=(sheet.height, 0))
+    # Pixel by pixel: axes would resample it, which takes longer than all the rest of the picture.
+    cast(Figure, axes.figure).figimage(image, sheet.left, sheet.height - sheet.top - sheet.map_height, zorder=-1)
     room = Room(regions, sheet)
     chords = [chord_of(door, regions, sheet) for door in regions.doorways]
     _draw_doors(axes, regions, chords, sheet, room)
