@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from qualrl.api import Training, build, plan, train
+    from qualrl.api import Training, build, plan, train, train_seeds
     from qualrl.errors import QualrlError
     from qualrl.io.read_map import read_map
     from qualrl.io.scenario import Scenario, load_scenario
@@ -31,6 +31,7 @@ _HOME = {
     "build": "api",
     "plan": "api",
     "train": "api",
+    "train_seeds": "api",
     "QualrlError": "errors",
     "read_map": "io.read_map",
     "Scenario": "io.scenario",
@@ -61,6 +62,7 @@ __all__ = [
     "read_map",
     "segment",
     "train",
+    "train_seeds",
 ]
 
 

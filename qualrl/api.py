@@ -1,12 +1,13 @@
-"""The verbs of the library: read_map, segment, build, train, plan (and load_scenario, from ``io``)."""
+"""The verbs of the library: build, train, train_seeds, plan (read_map, segment and load_scenario live elsewhere)."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from types import UnionType
 from typing import Any
 
 from qualrl.errors import SettingError, UnknownNameError, did_you_mean
 from qualrl.learning.changes import Change
+from qualrl.learning.many import over_threads
 from qualrl.learning.online import Online, train_online
 from qualrl.learning.run import LearningRun
 from qualrl.learning.settings import LearnSettings, setting_names
@@ -94,16 +95,42 @@ def train(
     Raises UnknownNameError for an unknown algorithm or setting, SettingError, or NoPlanError.
     """
     _check("train", model, HybridMDP, "a HybridMDP, from qualrl.build or HybridMDP.from_table")
-    known = setting_names()
-    for name in settings:
-        if name not in known:
-            raise UnknownNameError(f"no setting is called {name!r}; {did_you_mean(name, known)}")
-    told = LearnSettings(**settings)
+    told = _settings(settings)
     if online is None:
         return training_of(run_learner(model, algorithm, told, seed, watch, changes))
     if changes:
         raise SettingError("a robot that does not know the map cannot be given changes of it too: drop one of the two")
     return training_of(train_online(model, algorithm, told, online, seed, watch))
+
+
+def train_seeds(
+    model: HybridMDP,
+    seeds: int | Iterable[int],
+    algorithm: str = "hql-replay",
+    *,
+    threads: int | None = None,
+    told: Callable[[int], None] | None = None,
+    **settings: Any,
+) -> list[Training]:
+    """Learn a model once with each seed, over threads: what ``train`` gives for each, in the order of the seeds.
+
+    seeds: those to use, or how many from 0 on.  threads: by default one for each processor.  told: called with the
+    number of runs that are done.  settings: as for ``train``, which see for the errors too.
+    """
+    _check("train_seeds", model, HybridMDP, "a HybridMDP, from qualrl.build or HybridMDP.from_table")
+    chosen = _settings(settings)
+    wanted = range(seeds) if isinstance(seeds, int) else list(seeds)
+    runs = over_threads(lambda seed, stops: run_learner(model, algorithm, chosen, seed, stops), wanted, threads, told)
+    return [training_of(run) for run in runs]
+
+
+def _settings(given: Mapping[str, Any]) -> LearnSettings:
+    """Settings from keywords; raises UnknownNameError."""
+    known = setting_names()
+    for name in given:
+        if name not in known:
+            raise UnknownNameError(f"no setting is called {name!r}; {did_you_mean(name, known)}")
+    return LearnSettings(**given)
 
 
 def _check(verb: str, given: object, wanted: type | UnionType, words: str) -> None:

@@ -341,9 +341,10 @@ qualrl.train(puzzle, algorithm="dyna-q", episodes=1)
 print("at it", flush=True)
 qualrl.train(puzzle, algorithm="dyna-q", episodes=100_000, planning_steps=100_000)
 """
+SEEDS = LEARNING.replace("train(puzzle, algorithm", "train_seeds(puzzle, 9, algorithm")
 
 
-@pytest.mark.parametrize("work", [SOLVING, LEARNING], ids=["solving", "learning"])
+@pytest.mark.parametrize("work", [SOLVING, LEARNING, SEEDS], ids=["solving", "learning", "seeds"])
 def test_ctrl_c_is_answered_at_once(work):
     """Both would go on for a while; what they need is compiled before they say that they are at it."""
     with subprocess.Popen(

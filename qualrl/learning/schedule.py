@@ -10,7 +10,7 @@ k / k' < 1 + 1/1024 (for k**-p that is within p/1024, relatively) up to k = 2**4
 """
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from math import floor, isfinite, log, log1p
 
 import numpy as np
@@ -76,6 +76,7 @@ def table_k() -> NDArray[np.float64]:
     return k
 
 
+@lru_cache(maxsize=64, typed=True)
 def schedule_of(value: float | str) -> Schedule:
     """A learning rate from a number in (0, 1], or a formula in k with such values.
 

@@ -4,8 +4,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from qualrl.errors import SettingError
 from qualrl.kernels import stepping
 from qualrl.learning.ahead import AheadLearner
@@ -81,7 +79,7 @@ class Runner:
             at = time.perf_counter()
             self.steps(self._slice_steps)
             aim = self._slice_steps * SLICE_S / max(time.perf_counter() - at, 1e-6)
-            self._slice_steps = int(np.clip(aim, self._slice_steps // 4, self._slice_steps * 4)) + 1000
+            self._slice_steps = int(min(max(aim, self._slice_steps // 4), self._slice_steps * 4)) + 1000
         self.learner.progress = self._progress
 
 

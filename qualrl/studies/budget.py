@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.learning.learner import Learner
+from qualrl.learning.many import Watch
 from qualrl.learning.settings import MOST_EPISODES
 from qualrl.learning.trainer import start_learner
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.studies.measures import Measure
-from qualrl.studies.running import Cell, Measured, Runs, learn_settings, over_threads
+from qualrl.studies.running import Cell, Measured, Runs, learn_settings, run_all
 from qualrl.studies.settings import Budget, StudySettings
 
 QUICK = 1000
@@ -85,7 +86,7 @@ def run_budget(
         model = course.model(settings.gamma if cell.gamma is None else cell.gamma)
         return model, start_learner(model, cell.algorithm, learn_settings(settings, cell, most), seed)
 
-    def one(cell: Cell, seed: int) -> Measured:
+    def one(cell: Cell, seed: int, _: Watch) -> Measured:
         model, learner = started(cell, seed)
         seen, seconds = _watched(learner, looks, lambda: course.look(model, learner))
         return _measured(seen, seconds, looks)
@@ -94,7 +95,7 @@ def run_budget(
         model, learner = started(cell, 0)
         learner.advance(1)
         course.look(model, learner)
-    return over_threads(one, cells, seeds, threads, watch)
+    return run_all(one, cells, seeds, threads, watch)
 
 
 def _watched(learner: Learner, looks: NDArray[np.int64], look: Callable[[], Look]) -> tuple[list[Look], list[float]]:

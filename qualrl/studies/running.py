@@ -1,17 +1,12 @@
-"""Running a study: every cell (learner, setting, reading) with every seed, over threads.
+"""Running a study: every cell (learner, setting, reading) with every seed, over threads."""
 
-The compiled loops release the interpreter's lock, so threads share the processor's cores.  A run depends on its
-cell and seed only and is stored in its own place, so the number of threads changes nothing but the time.
-"""
-
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from qualrl.learning.many import Watch, over_threads
 from qualrl.learning.settings import LearnSettings
 from qualrl.learning.trainer import train
 from qualrl.models.hybrid_mdp import HybridMDP
@@ -108,37 +103,29 @@ def run_cells(
     """
     optimum = {name: _optimum(model) for name, model in mazes.items()}
 
-    def one(cell: Cell, seed: int) -> Measured:
+    def one(cell: Cell, seed: int, stops: Watch) -> Measured:
         chosen = learn_settings(settings, cell, episodes or cell.episodes or settings.episodes)
-        run = train(mazes[cell.maze], cell.algorithm, chosen, seed)
+        run = train(mazes[cell.maze], cell.algorithm, chosen, seed, stops)
         return measured(run, optimum[cell.maze]), thinned(run.steps, settings.points), ()
 
-    return over_threads(one, cells, seeds, threads, watch)
+    return run_all(one, cells, seeds, threads, watch)
 
 
 Measured = tuple[dict[Measure, float], Floats, tuple[int, ...]]
 """A run's measures, its curve, and the states of its greedy path."""
 
 
-def over_threads(
-    one: Callable[[Cell, int], Measured],
+def run_all(
+    one: Callable[[Cell, int, Watch], Measured],
     cells: Sequence[Cell],
     seeds: int,
     threads: int | None,
     watch: Callable[[int], None] | None,
 ) -> list[Runs]:
-    """Make every run, a function of its cell and seed."""
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        jobs = [[pool.submit(one, cell, seed) for seed in range(seeds)] for cell in cells]
-        try:
-            for done, job in enumerate(as_completed([job for row in jobs for job in row]), 1):
-                job.result()
-                if watch is not None:
-                    watch(done)
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
-    return [_gathered([job.result() for job in row]) for row in jobs]
+    """Make every run, a function of its cell, its seed and what watches it."""
+    pairs = [(cell, seed) for cell in cells for seed in range(seeds)]
+    found = over_threads(lambda pair, stops: one(*pair, stops), pairs, threads, watch)
+    return [_gathered(found[at : at + seeds]) for at in range(0, len(found), seeds)]
 
 
 def _gathered(results: list[Measured]) -> Runs:
