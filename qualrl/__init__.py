@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from qualrl.models.hybrid_mdp import HybridMDP
     from qualrl.models.tabular_mdp import TabularMDP
     from qualrl.planning.plan import Plan
+    from qualrl.planning.routes import Routes
     from qualrl.spatial.occupancy_grid import OccupancyGrid
     from qualrl.spatial.region_map import RegionMap
     from qualrl.spatial.segmentation import segment
@@ -40,6 +41,7 @@ _HOME = {
     "HybridMDP": "models.hybrid_mdp",
     "TabularMDP": "models.tabular_mdp",
     "Plan": "planning.plan",
+    "Routes": "planning.routes",
     "OccupancyGrid": "spatial.occupancy_grid",
     "RegionMap": "spatial.region_map",
     "segment": "spatial.segmentation",
@@ -52,6 +54,7 @@ __all__ = [
     "Plan",
     "QualrlError",
     "RegionMap",
+    "Routes",
     "Scenario",
     "TabularMDP",
     "Training",

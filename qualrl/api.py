@@ -16,13 +16,13 @@ from qualrl.learning.trainer import train as run_learner
 from qualrl.models.hybrid_mdp import HybridMDP, hybrid_mdp
 from qualrl.planning.plan import Plan
 from qualrl.planning.planner import plan_exactly, plan_from_run
-from qualrl.spatial.place import Place, read_place
+from qualrl.spatial.place import PlaceLike as PlaceOnMap
+from qualrl.spatial.place import read_place
 from qualrl.spatial.placed_landmarks import with_landmarks
 from qualrl.spatial.region_map import RegionMap
 
-PlaceLike = str | int | tuple[float, float] | list[float] | Place
-"""A name, [row, column] in whole numbers, [x, y] in metres with a decimal point, "120,45", "3.5,2.0", or, for a
-model without a map, the number of a state."""
+PlaceLike = PlaceOnMap | int
+"""A place as ``spatial.place.PlaceLike``, or, for a model without a map, the number of a state."""
 
 
 class Training(LearningRun):

@@ -77,6 +77,8 @@ class PlaceMetres:
 
 
 Place = PlaceName | PlaceCell | PlaceMetres
+PlaceLike = str | tuple[float, float] | list[float] | Place
+"""A name, [row, column] in whole numbers, [x, y] in metres with a decimal point, "120,45", or "3.5,2.0"."""
 
 
 def read_place(text: object) -> Place:

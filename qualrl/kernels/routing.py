@@ -1,0 +1,173 @@
+"""Shortest walks over the cells of a label image, region by region.
+
+H, W: rows, columns.  R regions.  A *gate* is a doorway as seen from one of its two regions: N gates, sorted by region.
+Moves are 4-connected.  ``seen`` (H * W,) int32 is kept from walk to walk: a cell was reached by this one if it holds
+``base`` or more, and base less than that is how many steps it is away.  So nothing is cleared between walks.
+"""
+
+import heapq
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.kernels.jit import compiled
+
+Ints = NDArray[np.int32]
+Flags = NDArray[np.bool_]
+
+
+class Gates(NamedTuple):
+    """All doorways of a map, twice."""
+
+    first: NDArray[np.int64]
+    """(R + 1,) the gates of region r are first[r] .. first[r + 1]."""
+    cell: Ints
+    """(N,) flat index of the cell in the middle of the doorway, on the region's side."""
+    region: Ints
+    partner: Ints
+    """(N,) the same doorway from the other side."""
+    row: NDArray[np.int64]
+    """(N,) where the steps from a gate to all gates of its region begin in a list of them all."""
+
+
+@compiled
+def walk(
+    label: Ints, allowed: Flags, source: int, targets: Ints, most: int, seen: Ints, base: int, queue: Ints,
+    wanted: Flags,
+) -> int:  # fmt: skip
+    """Reach out from a cell over the regions allowed (R,) until all targets are reached, or nothing is left.
+
+    most: cells from which even the straight way to the first target would make the whole longer are left out.
+    queue, wanted (H * W,): scratch; wanted is all False before and after.
+    Returns one more than the most steps made: by so much the next walk's base is larger.
+    """
+    height, width = label.shape
+    for target in targets:
+        wanted[target] = True
+    missing = 0
+    for target in targets:
+        missing += 1 if target != source else 0
+    seen[source], queue[0] = base, source
+    head, end, steps = 0, 1, 0
+    to_row, to_column = 0, 0
+    if targets.size:
+        to_row, to_column = targets[0] // width, targets[0] % width
+    while head < end and missing > 0:
+        here = queue[head]
+        head += 1
+        steps = seen[here] - base + 1
+        row, column = here // width, here % width
+        for side in range(4):
+            r, c = row + (side == 1) - (side == 0), column + (side == 3) - (side == 2)
+            if r < 0 or c < 0 or r >= height or c >= width or label[r, c] < 0 or not allowed[label[r, c]]:
+                continue
+            other = r * width + c
+            if seen[other] < base and steps + abs(r - to_row) + abs(c - to_column) <= most:
+                seen[other], queue[end] = base + steps, other
+                end += 1
+                missing -= 1 if wanted[other] else 0
+    for target in targets:
+        wanted[target] = False
+    return steps + 1
+
+
+@compiled
+def nearest_gates(label: Ints, cells: Ints, owner: Ints, steps: Ints, queue: Ints) -> tuple[Ints, Ints]:
+    """Pairs of gates (P, 2) whose cells meet, and the steps (P,) between them there, in one region.
+
+    cells (K,): where its gates are.  A cell belongs to the gate that is nearest.  owner (H * W,): -1 everywhere before
+    and after; steps, queue (H * W,): scratch.
+    """
+    height, width = label.shape
+    flat = label.ravel()
+    end = 0
+    for gate in range(cells.size):
+        if owner[cells[gate]] < 0:
+            owner[cells[gate]], steps[cells[gate]], queue[end] = gate, 0, cells[gate]
+            end += 1
+    head = 0
+    while head < end:
+        here = queue[head]
+        head += 1
+        row, column = here // width, here % width
+        for side in range(4):
+            r, c = row + (side == 1) - (side == 0), column + (side == 3) - (side == 2)
+            other = r * width + c
+            if 0 <= r < height and 0 <= c < width and flat[other] == flat[here] and owner[other] < 0:
+                owner[other], steps[other], queue[end] = owner[here], steps[here] + 1, other
+                end += 1
+    pairs, between = np.empty((0, 2), np.int32), np.empty(0, np.int32)
+    for fill in range(2):
+        count = 0
+        for at in range(end):
+            here = queue[at]
+            for other, inside in ((here + 1, here % width < width - 1), (here + width, here < (height - 1) * width)):
+                if inside and flat[other] == flat[here] and owner[other] != owner[here]:
+                    if fill:
+                        pairs[count, 0], pairs[count, 1] = owner[here], owner[other]
+                        between[count] = steps[here] + steps[other] + 1
+                    count += 1
+        if not fill:
+            pairs, between = np.empty((count, 2), np.int32), np.empty(count, np.int32)
+    for at in range(end):
+        owner[queue[at]] = -1
+    return pairs, between
+
+
+@compiled
+def way_back(label: Ints, seen: Ints, base: int, start: int) -> Ints:
+    """(steps + 1, 2) rows and columns from a cell that a walk has reached to where the walk began."""
+    height, width = label.shape
+    steps = seen[start] - base
+    cells = np.empty((steps + 1, 2), np.int32)
+    row, column = start // width, start % width
+    for at in range(steps + 1):
+        cells[at, 0], cells[at, 1] = row, column
+        nearer = base + steps - at - 1
+        for side in range(4):
+            r, c = row + (side == 1) - (side == 0), column + (side == 3) - (side == 2)
+            if 0 <= r < height and 0 <= c < width and at < steps and seen[r * width + c] == nearer:
+                row, column = r, c
+                break
+    return cells
+
+
+@compiled
+def through_gates(gates: Gates, steps: Ints, leave: Ints, arrive: Ints, start: int, goal: int, most: int) -> Any:
+    """(steps, regions on the way) of the shortest way from a region to another through gates, if it is below ``most``.
+
+    steps: between the gates of a region, see ``Gates.row``; leave, arrive: from the start to the gates of its region,
+    and from those of the goal's region to the goal; -1 where there is no way.  Otherwise: (most, no regions).
+    """
+    away = np.full(gates.cell.size, most, np.int64)
+    before = np.full(gates.cell.size, -1, np.int32)
+    heap = [(np.int64(most), np.int32(0))]
+    for out in range(gates.first[start], gates.first[start + 1]):
+        if leave[out - gates.first[start]] >= 0:
+            away[out] = leave[out - gates.first[start]]
+            heapq.heappush(heap, (away[out], np.int32(out)))
+    last, best = -1, most
+    while heap:
+        steps_here, gate = heapq.heappop(heap)
+        if steps_here >= best:
+            break
+        if steps_here > away[gate]:
+            continue
+        inside = gates.partner[gate]
+        region = gates.region[inside]
+        first = gates.first[region]
+        if region == goal and arrive[inside - first] >= 0 and steps_here + 1 + arrive[inside - first] < best:
+            last, best = int(gate), steps_here + 1 + arrive[inside - first]
+        for other in range(first, gates.first[region + 1]):
+            between = steps[gates.row[inside] + other - first]
+            if between >= 0 and steps_here + 1 + between < away[other]:
+                away[other], before[other] = steps_here + 1 + between, gate
+                heapq.heappush(heap, (away[other], np.int32(other)))
+    regions = np.empty(gates.cell.size + 1, np.int32)
+    count = 0
+    while last >= 0:
+        regions[count], regions[count + 1] = gates.region[gates.partner[last]], gates.region[last]
+        count += 1
+        last = before[last]
+    return best, regions[: count + 1 if count else 0]

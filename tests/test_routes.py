@@ -1,0 +1,181 @@
+"""Ways between places of a map, against networkx, breadth-first distances, and their own cells."""
+
+from itertools import pairwise
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import qualrl
+from qualrl.errors import NoPlanError, PlaceError, UnknownNameError
+from qualrl.kernels import routing
+from qualrl.models.grid_world import GridWorld
+from qualrl.planning.routes import Routes
+from qualrl.spatial.floor_plans import random_floor_plan
+from qualrl.spatial.occupancy_grid import OccupancyGrid
+from tests.worlds import PUZZLE, free_masks, grid_of
+
+
+@pytest.fixture(scope="module")
+def office() -> Routes:
+    return Routes(qualrl.segment(qualrl.read_map("maps/office.yaml")))
+
+
+def check(routes: Routes, route, start, goal) -> None:
+    """Step by step over free cells, through the doorways and regions that it names."""
+    path, regions = route.path, routes.regions
+    assert (tuple(path[0]), tuple(path[-1])) == (tuple(start), tuple(goal))
+    assert (np.abs(np.diff(path, axis=0)).sum(axis=1) == 1).all()
+    assert regions.grid.free[path[:, 0], path[:, 1]].all()
+    names = [regions.region_names[label] for label in regions.label[path[:, 0], path[:, 1]]]
+    assert list(route.regions) == [name for at, name in enumerate(names) if at == 0 or names[at - 1] != name]
+    pairs = {door.name: {regions.region_names[region] for region in door.pair} for door in regions.doorways}
+    assert [pairs[door] for door in route.doors] == [set(pair) for pair in pairwise(route.regions)]
+    assert route.steps == len(path) - 1
+    assert route.length_m == pytest.approx(route.steps * regions.grid.resolution_m)
+
+
+def shortest(routes: Routes, goal) -> np.ndarray:
+    """(H, W) steps to a cell, by the solver's breadth-first search."""
+    world = GridWorld(routes.regions.grid.free, tuple(goal), 0.9)
+    found = np.full(world.free.shape, -1)
+    found[world.free] = world.steps_to_goal
+    return found
+
+
+@pytest.mark.parametrize("walked", [0, 20_000_000])
+@pytest.mark.parametrize("style", ["drawn", "furnished", "scanned"])
+def test_ways_on_floor_plans_are_walks_and_hardly_longer_than_the_shortest(style, walked, monkeypatch):
+    monkeypatch.setattr("qualrl.planning.routes.WALKED", walked)
+    regions = qualrl.segment(random_floor_plan(3, style=style).grid)
+    routes, cells = Routes(regions), np.argwhere(regions.grid.free)
+    generator = np.random.default_rng(0)
+    longer = []
+    for goal in generator.choice(cells, 5):
+        away = shortest(routes, goal)
+        for start in generator.choice(cells[away[cells[:, 0], cells[:, 1]] >= 0], 10):
+            route = routes.between(tuple(start.tolist()), tuple(goal.tolist()))
+            check(routes, route, start, goal)
+            exact = routes.between(tuple(start.tolist()), tuple(goal.tolist()), exact=True)
+            check(routes, exact, start, goal)
+            assert exact.steps == away[tuple(start)] <= route.steps
+            longer.append(route.steps / max(exact.steps, 1))
+    assert np.mean(longer) <= 1.01
+
+
+@given(st.data(), free_masks(side=9, connected=False))
+@settings(max_examples=60, deadline=None)
+def test_ways_exist_where_they_do(data, free):
+    routes = Routes(qualrl.segment(OccupancyGrid.from_free(free)))
+    cells = [tuple(cell) for cell in np.argwhere(free).tolist()]
+    start, goal = data.draw(st.sampled_from(cells)), data.draw(st.sampled_from(cells))
+    away = shortest(routes, goal)[start]
+    if away < 0:
+        with pytest.raises(NoPlanError, match=r"no way leads from cell \d+,\d+ to cell"):
+            routes.between(start, goal)
+        return
+    check(routes, routes.between(start, goal), start, goal)
+    assert routes.between(start, goal, exact=True).steps == away
+
+
+@given(st.data())
+@settings(max_examples=150, deadline=None)
+def test_the_search_over_doorways_equals_networkx(data):
+    count = data.draw(st.integers(2, 5))
+    doors = data.draw(st.lists(st.lists(st.integers(0, count - 1), min_size=2, max_size=2, unique=True), max_size=8))
+    found = sorted((region, number) for number, pair in enumerate(doors) for region in pair)
+    region = np.array([here for here, _ in found], np.int32)
+    first = np.searchsorted(region, np.arange(count + 1)).astype(np.int64)
+    partner = [next(at for at, (r, n) in enumerate(found) if n == number and r != here) for here, number in found]
+    width = np.diff(first)[region] if len(found) else np.zeros(0, np.int64)
+    row = np.cumsum(width) - width
+    step_counts = st.integers(-1, 9)
+    steps = np.array([data.draw(step_counts) for _ in range(int(width.sum()))], np.int32)
+    start, goal = data.draw(st.integers(0, count - 1)), data.draw(st.integers(0, count - 1))
+    leave = np.array([data.draw(step_counts) for _ in range(first[start], first[start + 1])], np.int32)
+    arrive = np.array([data.draw(step_counts) for _ in range(first[goal], first[goal + 1])], np.int32)
+
+    graph: nx.DiGraph = nx.DiGraph()
+    graph.add_nodes_from(["start", "goal"])
+    for at, (here, _) in enumerate(found):
+        graph.add_edge(("out", at), ("in", partner[at]), weight=1)
+        for other in range(first[here], first[here + 1]):
+            if steps[row[at] + other - first[here]] >= 0:
+                graph.add_edge(("in", at), ("out", other), weight=int(steps[row[at] + other - first[here]]))
+        if here == start and leave[at - first[start]] >= 0:
+            graph.add_edge("start", ("out", at), weight=int(leave[at - first[start]]))
+        if here == goal and arrive[at - first[goal]] >= 0:
+            graph.add_edge(("in", at), "goal", weight=int(arrive[at - first[goal]]))
+    expected = 1000
+    if nx.has_path(graph, "start", "goal"):
+        expected = nx.shortest_path_length(graph, "start", "goal", weight="weight")
+
+    cells = np.zeros(len(found), np.int32)
+    gates = routing.Gates(first, cells, region, np.array(partner, np.int32), row.astype(np.int64))
+    best, regions = routing.through_gates(gates, steps, leave, arrive, start, goal, 1000)
+    assert best == expected
+    assert (len(regions) == 0) == (expected == 1000)
+    if len(regions):
+        assert (regions[-1], regions[0]) == (start, goal)
+
+
+def test_gates_that_are_nearest_meet_where_networkx_says():
+    generator = np.random.default_rng(1)
+    for _ in range(20):
+        label = generator.integers(-1, 1, (9, 9)).astype(np.int32)
+        inside = np.flatnonzero(label.ravel() == 0)
+        cells = generator.choice(inside, 4).astype(np.int32)
+        owner, steps, queue = np.full(81, -1, np.int32), np.zeros(81, np.int32), np.zeros(81, np.int32)
+        pairs, between = routing.nearest_gates(label, cells, owner, steps, queue)
+        assert (owner == -1).all()
+        grid = nx.grid_2d_graph(9, 9).subgraph([divmod(cell, 9) for cell in inside.tolist()])
+        for (one, other), found in zip(pairs.tolist(), between.tolist(), strict=True):
+            ends = divmod(int(cells[one]), 9), divmod(int(cells[other]), 9)
+            assert found >= nx.shortest_path_length(grid, *ends)
+        places = {divmod(int(cell), 9) for cell in cells}
+        met = nx.Graph()
+        met.add_nodes_from(places)
+        for (one, other), found in zip(pairs.tolist(), between.tolist(), strict=True):
+            ends = divmod(int(cells[one]), 9), divmod(int(cells[other]), 9)
+            met.add_edge(*ends, weight=min(found, met.get_edge_data(*ends, {"weight": found})["weight"]))
+        for one in places:  # whoever can reach each other can do so from gate to gate, and the nearest one at once
+            reach = nx.single_source_shortest_path_length(grid, one)
+            assert nx.node_connected_component(met, one) == places & set(reach)
+            away = nx.single_source_dijkstra_path_length(met, one)
+            others = {other: steps for other, steps in reach.items() if other in places - {one}}
+            if others:
+                assert min(away[other] for other in others) == min(others.values())
+
+
+def test_places_are_read_as_everywhere(office):
+    named = office.between("room A", "room G")
+    assert named.regions == ("room A", "corridor 1", "room G")
+    assert named.doors == ("door 1", "door 8")
+    row, column = next(region.centre for region in office.regions.regions if region.name == "room A")
+    assert office.between((row, column), "room G").steps == named.steps
+    assert office.between("room A", "room A").regions == ("room A",)
+    assert office.between("room A", "room A").steps == 0
+    with pytest.raises(UnknownNameError, match="room Z"):
+        office.between("room A", "room Z")
+    with pytest.raises(PlaceError, match="outside the map"):
+        office.between("room A", (0, 100_000))
+
+
+def test_a_way_may_leave_its_region_and_come_back():
+    # a wall divides the left part of the corridor's loop: the short way round is through the other room
+    regions = qualrl.segment(grid_of(PUZZLE))
+    routes = Routes(regions)
+    for start in np.argwhere(regions.grid.free).tolist():
+        route = routes.between(tuple(start), (6, 6))
+        check(routes, route, start, (6, 6))
+        assert route.steps >= shortest(routes, (6, 6))[tuple(start)]
+
+
+def test_steps_are_counted_anew_before_they_overflow(office, monkeypatch):
+    before = office.between("room B", "room H").steps
+    monkeypatch.setattr("qualrl.planning.routes.MOST", 5000)
+    for _ in range(3):
+        assert office.between("room B", "room H").steps == before
+        assert office._base < 2**31
