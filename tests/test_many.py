@@ -49,7 +49,7 @@ def test_a_run_that_fails_stops_the_others(puzzle):
     def one(seed, stops):
         if seed == 1:
             raise ValueError("seed 1")
-        qualrl.train(puzzle, "q-learning", seed=seed, watch=stops, episodes=50_000_000)
+        qualrl.train(puzzle, "q-learning", seed=seed, watch=stops, episodes=10_000_000)
 
     begun = time.monotonic()
     with pytest.raises(ValueError, match="seed 1"):
