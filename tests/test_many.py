@@ -41,6 +41,9 @@ def test_what_train_refuses_train_seeds_refuses(puzzle):
         qualrl.train_seeds(puzzle, 2, alhpa=1)
     with pytest.raises(SettingError, match="seed"):
         qualrl.train_seeds(puzzle, [1, -1], episodes=1)
+    with pytest.raises(SettingError, match="threads must be at least 1, got 0"):
+        qualrl.train_seeds(puzzle, 2, threads=0, episodes=1)
+    assert qualrl.train_seeds(puzzle, []) == qualrl.train_seeds(puzzle, 0) == []
     with pytest.raises(TypeError, match="train_seeds needs a HybridMDP"):
         qualrl.train_seeds("puzzle", 2)
 

@@ -9,6 +9,7 @@ from concurrent.futures import CancelledError, ThreadPoolExecutor, as_completed
 from threading import Event
 from typing import TypeVar
 
+from qualrl.errors import SettingError
 from qualrl.learning.trainer import Milestone
 
 Item = TypeVar("Item")
@@ -26,8 +27,10 @@ def over_threads(
 
     one: gives its second argument to ``trainer.train`` as ``watch``, so that a run stops when another has failed or
     Ctrl-C is pressed.  threads: by default one for each processor that we may use.  told: called with the number of
-    runs that are done.
+    runs that are done.  Raises SettingError for threads below 1, and what a run raises.
     """
+    if threads is not None and threads < 1:
+        raise SettingError(f"threads must be at least 1, got {threads}")
     stop = Event()
 
     def watch(_: Milestone) -> None:
