@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 from qualrl.kernels import merging as kernels
 from qualrl.kernels import zone_graph
 from qualrl.kernels.bonds import linked
-from qualrl.kernels.trees import Trees, odds_of
+from qualrl.kernels.trees import Trees, odds_of, questions_of
 from qualrl.spatial.merging import unpacked
 from qualrl.training.merging import packed
 from tests import oracles_merging
@@ -119,7 +119,8 @@ def flat(trees, start):
     feature, threshold, left, right, leaf = zip(*nodes, strict=True)
     whole = (np.array(part, np.int32) for part in (root, feature, left, right))
     root, feature, left, right = whole
-    return Trees(root, feature, np.array(threshold, np.float32), left, right, np.array(leaf, np.float32), start)
+    parts = np.array(threshold, np.float32), left, right, np.array(leaf, np.float32)
+    return questions_of(Trees(root, feature, *parts, start))
 
 
 def some_trees(zones, contacts, draw):
@@ -326,8 +327,8 @@ def test_packed_trees_decide_as_where_they_come_from():
     fresh = draw.normal(size=(300, 5))
     decided = model.decision_function(fresh)
     assert np.ptp(decided) > 1
-    np.testing.assert_allclose(odds_of(trees, fresh), decided, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(odds_of(questions_of(trees), fresh), decided, rtol=1e-4, atol=1e-5)
 
 
 def test_without_trees_the_odds_are_what_they_start_from():
-    assert odds_of(unpacked(packed([], 0.25)), np.zeros((2, FEATURES))).tolist() == [0.25, 0.25]
+    assert odds_of(questions_of(unpacked(packed([], 0.25))), np.zeros((2, FEATURES))).tolist() == [0.25, 0.25]

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qualrl.kernels import merging as kernels
-from qualrl.kernels.trees import odds_of
+from qualrl.kernels.trees import odds_of, questions_of
 from qualrl.spatial import merging
 from qualrl.spatial.floor_plans import FloorPlan, random_floor_plan
 from qualrl.spatial.merging import unpacked, zone_graph_of
@@ -108,7 +108,7 @@ def separation(odds, is_one):
 def separates(stored):
     """The same on plans that nothing was trained on."""
     met = np.concatenate([samples_of(seed, NONE, False) for seed in range(30, 42)])
-    return separation(odds_of(unpacked(stored), met[:, :FEATURES].astype(float)), met[:, FEATURES] > 0)
+    return separation(odds_of(questions_of(unpacked(stored)), met[:, :FEATURES].astype(float)), met[:, FEATURES] > 0)
 
 
 def check_trees(trees):
@@ -138,7 +138,7 @@ def test_a_few_plans_teach_more_than_chance():
     both = averaged(parts)
     check_trees(unpacked(both))
     rows = np.random.default_rng(0).normal(size=(50, FEATURES))
-    one, other, mean = (odds_of(unpacked(stored), rows) for stored in (*parts, both))
+    one, other, mean = (odds_of(questions_of(unpacked(stored)), rows) for stored in (*parts, both))
     assert np.ptp(one - other) > 0.1
     np.testing.assert_allclose(mean, (one + other) / 2, rtol=1e-5, atol=1e-6)
 
@@ -166,9 +166,8 @@ def test_the_trees_that_come_along_are_whole_and_know_rooms():
     for name in ("root", "left", "right"):
         assert arrays[name].min() >= 0
         assert arrays[name].max() < len(arrays["feature"])
-    trees = merging.trees()
-    check_trees(trees)
-    for kept, read in zip(trees, unpacked(arrays), strict=True):
+    check_trees(unpacked(arrays))
+    for kept, read in zip(merging.questions(), questions_of(unpacked(arrays)), strict=True):
         np.testing.assert_array_equal(kept, read)
     assert separates(arrays) > 0.9
 
@@ -185,4 +184,4 @@ def test_averaging_stumps_averages_their_leaves(leaves, start):
     rows = np.zeros((2, FEATURES))
     rows[:, 2] = -1, 1
     expected = start + 2 * np.array(leaves).mean(axis=0)
-    np.testing.assert_allclose(odds_of(unpacked(averaged(parts)), rows), expected, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(odds_of(questions_of(unpacked(averaged(parts))), rows), expected, rtol=1e-5, atol=1e-5)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from qualrl.kernels.bonds import Bonds, append, find, tidy
 from qualrl.kernels.jit import compiled, compiled_part
 from qualrl.kernels.pair_queue import Queue, grown, new_queue, pop, push
-from qualrl.kernels.trees import Trees, odds
+from qualrl.kernels.trees import Asked, Questions, odds
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -58,7 +58,13 @@ class Samples(NamedTuple):
 
 @compiled
 def merge(
-    places: Places, bonds: Bonds, trees: Trees, about: Floats, least_odds: float, min_area: float, samples: Samples
+    places: Places,
+    bonds: Bonds,
+    questions: Questions,
+    about: Floats,
+    least_odds: float,
+    min_area: float,
+    samples: Samples,
 ) -> None:
     """Merge places while the likeliest pair has at least those odds (logarithm), then those smaller than the area.
 
@@ -67,13 +73,13 @@ def merge(
     """
     zones = len(places.parent)
     stamp, seen = np.zeros(zones, np.int64), np.full(zones, -1, np.int32)
-    features = np.empty(len(FEATURES))
-    features[len(FEATURES) - 3 :] = about
+    asked = Asked(questions, np.empty(len(FEATURES)), np.empty(len(questions.first_leaf), np.uint64))
+    asked.features[len(FEATURES) - 3 :] = about
     queue = new_queue(4 * len(bonds.target) + 16)
     for zone in range(zones):
         tidy(zone, places.parent, bonds, seen)
         queue = grown(queue, zones)
-        _ask(zone, True, places, bonds, trees, features, stamp, queue, samples)
+        _ask(zone, True, places, bonds, asked, stamp, queue, samples)
     while queue.size[0]:
         likely = queue.key[0]
         host, guest = queue.item[0, 1], queue.item[0, 2]
@@ -90,9 +96,9 @@ def merge(
         stamp[guest] = -1
         tidy(host, places.parent, bonds, seen)
         queue = grown(queue, zones)
-        _ask(host, False, places, bonds, trees, features, stamp, queue, samples)
+        _ask(host, False, places, bonds, asked, stamp, queue, samples)
     if min_area > 0:
-        _join_small(places, bonds, trees, features, min_area, seen)
+        _join_small(places, bonds, asked, min_area, seen)
     for zone in range(zones):
         places.parent[zone] = find(places.parent, zone)
 
@@ -109,7 +115,7 @@ def _is_true(host: int, guest: int, truth: Ints) -> bool:
 
 @compiled_part
 def _ask(
-    place: int, once: bool, places: Places, bonds: Bonds, trees: Trees, features: Floats, stamp: NDArray[np.int64],
+    place: int, once: bool, places: Places, bonds: Bonds, asked: Asked, stamp: NDArray[np.int64],
     queue: Queue, samples: Samples,
 ) -> None:  # fmt: skip
     """Put a place's pairs into the queue; only those with a later neighbour if each pair is met ``once`` from both."""
@@ -117,15 +123,15 @@ def _ask(
     while half >= 0:
         other = bonds.target[half]
         if bonds.sums[half, ALONG] + bonds.sums[half, ACROSS] > 0 and not (once and other < place):
-            _describe(place, other, half, places, bonds, features)
-            push(queue, odds(trees, features), place, other, stamp[place], stamp[other])
+            _describe(place, other, half, places, bonds, asked.features)
+            push(queue, odds(asked), place, other, stamp[place], stamp[other])
             if len(samples.truth) and samples.truth[place] >= 0 and samples.truth[other] >= 0:
                 at = samples.size[0]
                 if at < len(samples.found):
-                    for column in range(len(features)):
-                        samples.found[at, column] = features[column]
-                    samples.found[at, len(features)] = samples.truth[place] == samples.truth[other]
-                    samples.found[at, len(features) + 1] = min(places.sums[place, AREA], places.sums[other, AREA])
+                    for column in range(len(FEATURES)):
+                        samples.found[at, column] = asked.features[column]
+                    samples.found[at, len(FEATURES)] = samples.truth[place] == samples.truth[other]
+                    samples.found[at, len(FEATURES) + 1] = min(places.sums[place, AREA], places.sums[other, AREA])
                     samples.size[0] = at + 1
         half = bonds.following[half]
 
@@ -148,7 +154,7 @@ def _join(host: int, guest: int, places: Places, bonds: Bonds) -> None:
 
 
 @compiled
-def _join_small(places: Places, bonds: Bonds, trees: Trees, features: Floats, min_area: float, seen: Ints) -> None:
+def _join_small(places: Places, bonds: Bonds, asked: Asked, min_area: float, seen: Ints) -> None:
     """Merge each place of less area into its likeliest neighbour, the smallest first; those without one stay."""
     while True:
         small = -1
@@ -161,7 +167,7 @@ def _join_small(places: Places, bonds: Bonds, trees: Trees, features: Floats, mi
                     small = place
         if small < 0:
             return
-        host = _likeliest(small, places, bonds, trees, features)
+        host = _likeliest(small, places, bonds, asked)
         tidy(host, places.parent, bonds, seen)
         _join(host, small, places, bonds)
         tidy(host, places.parent, bonds, seen)
@@ -178,14 +184,14 @@ def _touches(place: int, bonds: Bonds) -> bool:
 
 
 @compiled_part
-def _likeliest(place: int, places: Places, bonds: Bonds, trees: Trees, features: Floats) -> int:
+def _likeliest(place: int, places: Places, bonds: Bonds, asked: Asked) -> int:
     """The neighbour that a place is likeliest one with, -1 if it touches none."""
     best, most = -1, -np.inf
     half = bonds.first[place]
     while half >= 0:
         if bonds.sums[half, ALONG] + bonds.sums[half, ACROSS] > 0:
-            _describe(place, bonds.target[half], half, places, bonds, features)
-            likely = odds(trees, features)
+            _describe(place, bonds.target[half], half, places, bonds, asked.features)
+            likely = odds(asked)
             if likely > most:
                 best, most = bonds.target[half], likely
         half = bonds.following[half]

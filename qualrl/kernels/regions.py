@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels.bonds import Bonds, append, find, tidy
+from qualrl.kernels.instructions import AHEAD, prefetch
 from qualrl.kernels.jit import compiled, compiled_part
 
 Floats = NDArray[np.float32]
@@ -141,11 +142,14 @@ def thick_first(thickness: Floats, distance: Floats) -> Ints:
     order = _positive(first)
     for width in (first, second):
         start = np.zeros(65537, np.int64)
-        for cell in order:
-            start[65535 - _sixteenths(width[cell]) + 1] += 1
+        for cell in range(first.size):
+            if first[cell] > 0:
+                start[65535 - _sixteenths(width[cell]) + 1] += 1
         start = np.cumsum(start)
         result = np.empty(order.size, np.int32)
-        for cell in order:
+        for at in range(order.size):
+            prefetch(width, order[min(at + AHEAD, order.size - 1)])
+            cell = order[at]
             key = 65535 - _sixteenths(width[cell])
             result[start[key]] = cell
             start[key] += 1
@@ -173,23 +177,35 @@ def _sixteenths(width: float) -> int:
     return int(min(width * 16, 65535))
 
 
+@compiled_part
+def _ask_around(flat: Any, cell: int, width: int) -> None:
+    """Ask for the memory of a cell and of those that share a side with it."""
+    prefetch(flat, cell)
+    prefetch(flat, cell - width)
+    prefetch(flat, cell + width)
+
+
 @compiled
 def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, step: float) -> tuple[Ints, int]:
     """Zones of alike thickness: (H, W) zone of each cell, -1 for cells not in order; and their number.
 
-    order (F,): flat indices of the free cells from thick to thin.  A cell joins the thickest
-    (then largest) zone beside it that is no step thicker, and other zones too if the way there is no pinch.
+    order (F,): flat indices of the free cells from thick to thin, none of them on the map's edge.  A cell joins the
+    thickest (then largest) zone beside it that is no step thicker, and other zones too if the way there is no pinch.
     A zone's root is the first of its cells, hence the thickest.
     Thickness tells steps and distance tells pinches: the discs of two rooms may touch in a door of a thin wall.
     """
     height, width = thickness.shape
     thick, way = thickness.ravel(), distance.ravel()
+    beside = (-width, -1, 1, width)
     forest = np.full(thick.size, NO_SET, np.int32)
-    for cell in order:
-        best = -1
+    for at in range(order.size):
+        _ask_around(forest, order[min(at + AHEAD, order.size - 1)], width)
+        prefetch(thick, order[min(at + AHEAD, order.size - 1)])
+        prefetch(way, order[min(at + AHEAD, order.size - 1)])
+        cell, best = order[at], -1
         for side in range(4):
-            other = _beside(cell, side, height, width)
-            if other >= 0 and forest[other] != NO_SET:
+            other = cell + beside[side]
+            if forest[other] != NO_SET:
                 zone = _root(forest, other)
                 if thick[cell] < step * thick[zone]:
                     continue
@@ -201,8 +217,8 @@ def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, s
             continue
         _unite(forest, best, cell)
         for side in range(4):
-            other = _beside(cell, side, height, width)
-            if other < 0 or forest[other] == NO_SET:
+            other = cell + beside[side]
+            if forest[other] == NO_SET:
                 continue
             zone = _root(forest, other)
             # Zones of less area than the way is wide are specks in which no place can lie.

@@ -1,80 +1,96 @@
 """How thick free space is at each cell: the radius of the largest free disc that covers it.
 
-H, W: rows, columns.  Distances and radii are in cells.
+H, W: rows, columns.  Distances and radii are in cells.  Rows of cells are kept as bits too, 64 columns to a word.
 """
-
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled, compiled_part
+from qualrl.kernels.instructions import trailing_zeros
+from qualrl.kernels.jit import compiled
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
+Words = NDArray[np.uint64]
 
 UPHILL = np.float32(0.9)
 """Off the ridges distance grows by 1 a cell, and by at least cos(22.5 deg) toward one of eight neighbours."""
+ALL = np.uint64(2**64 - 1)
 
 
 @compiled
-def local_thickness(distance: Floats, centres: Ints, unpainted: Any) -> Floats:
-    """(H, W) radius of the largest free disc that covers each cell, 0 where not free.
+def positive_bits(values: Floats, words: Words, top: int, bottom: int) -> None:
+    """Write to the words (H, W / 64 or one more) which values (H, W) are above 0, in the rows from top to bottom."""
+    width = values.shape[1]
+    for row in range(top, bottom):
+        for at in range(words.shape[1]):
+            word = np.uint64(0)
+            for column in range(64 * at, min(64 * at + 64, width)):
+                word |= np.uint64(values[row, column] > 0) << np.uint64(column & 63)
+            words[row, at] = word
+
+
+@compiled
+def local_thickness(
+    distance: Floats, centres: Ints, thickness: Floats, unpainted: Words, top: int, bottom: int
+) -> None:
+    """Write to thickness the radius of the largest free disc over each cell, in the rows from top to bottom.
 
     distance (H, W): from each cell to the nearest cell that is not free, 0 where not free.
     centres: flat indices of the discs' centres, the largest disc first (see ``disc_centres``).
-    unpainted (H, W + 1): room for whole numbers up to W.
-    Discs are painted from large to small and each cell once: in every row, ``unpainted`` points to the
-    next cell that no disc has reached, so the work grows with the discs' rows and not with their areas.
+    thickness (H, W): 0 at first.  unpainted (see ``positive_bits``): the free cells that no disc has reached.
+    Discs are painted from large to small and each cell once; rows that are painted already cost a word or two.
     """
     height, width = distance.shape
-    thickness = np.zeros((height, width), np.float32)
-    for column in range(width + 1):
-        unpainted[:, column] = column
     flat = distance.ravel()
+    half = np.empty(height, np.int64)
+    radius = np.float32(0)
+    reach = 0
     for centre in centres:
-        row, column, radius = centre // width, centre % width, flat[centre]
-        reach = int(np.ceil(radius)) - 1
-        for r in range(max(row - reach, 0), min(row + reach + 1, height)):
-            chord = np.sqrt(max(radius * radius - (r - row) * (r - row), 0.0))
-            half = max(int(np.ceil(chord - 1e-3)) - 1, 0)
-            last = min(column + half, width - 1)
-            c = _next(unpainted, r, max(column - half, 0))
-            while c <= last:
-                if distance[r, c] > 0:
-                    thickness[r, c] = radius
-                unpainted[r, c] = c + 1
-                c = _next(unpainted, r, c + 1)
-    return thickness
+        row, column = centre // width, centre % width
+        if flat[centre] != radius:
+            radius = flat[centre]
+            reach = min(int(np.ceil(radius)), height) - 1
+            for off in range(reach + 1):
+                chord = np.sqrt(max(radius * radius - off * off, 0.0))
+                half[off] = max(int(np.ceil(chord - 1e-3)) - 1, 0)
+        for r in range(max(row - reach, top), min(row + reach + 1, bottom)):
+            first = max(column - half[abs(r - row)], 0)
+            last = min(column + half[abs(r - row)], width - 1)
+            for at in range(first >> 6, (last >> 6) + 1):
+                new = unpainted[r, at]
+                if at == first >> 6:
+                    new &= ALL << np.uint64(first & 63)
+                if at == last >> 6:
+                    new &= ALL >> np.uint64(63 - (last & 63))
+                unpainted[r, at] ^= new
+                while new:
+                    thickness[r, 64 * at + np.int64(trailing_zeros(new))] = radius
+                    new &= new - np.uint64(1)
 
 
 @compiled
-def disc_centres(distance: Floats) -> Ints:
-    """Flat indices of the cells on the ridges of the distance, whose discs lie in no other."""
+def disc_centres(distance: Floats, top: int, bottom: int) -> Ints:
+    """Flat indices of the cells on the ridges of the distance (H, W), whose discs lie in no other, from row top to
+    bottom.
+    """
     height, width = distance.shape
-    centres = np.empty(distance.size, np.int32)
+    centres = np.empty((bottom - top) * width, np.int32)
     count = 0
-    for row in range(height):
+    for row in range(top, bottom):
+        above, below = distance[max(row - 1, 0)], distance[min(row + 1, height - 1)]
+        beside = distance[row]
         for column in range(width):
-            radius = distance[row, column]
+            radius = beside[column]
             if radius <= 0:
                 continue
+            # At the map's edge a cell stands for its missing neighbour: it is not farther than itself.
+            west, east = max(column - 1, 0), min(column + 1, width - 1)
             straight, slanted = radius + UPHILL, radius + UPHILL * np.float32(1.41421)
-            inside = False
-            for r in range(max(row - 1, 0), min(row + 2, height)):
-                for c in range(max(column - 1, 0), min(column + 2, width)):
-                    beside = r == row or c == column
-                    inside |= distance[r, c] >= (straight if beside else slanted)
-            if not inside:
+            nearest = max(max(above[column], below[column]), max(beside[west], beside[east]))
+            if nearest >= straight:
+                continue
+            if max(max(above[west], above[east]), max(below[west], below[east])) < slanted:
                 centres[count] = row * width + column
                 count += 1
-    return centres[:count]
-
-
-@compiled_part
-def _next(unpainted: Any, row: int, column: int) -> int:
-    """The row's first unpainted column from this one on; the pointers passed are halved on the way."""
-    while unpainted[row, column] != column:
-        unpainted[row, column] = unpainted[row, unpainted[row, column]]
-        column = unpainted[row, column]
-    return column
+    return centres[:count].copy()

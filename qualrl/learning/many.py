@@ -3,13 +3,13 @@
 A run depends on its own seed and settings only, so neither the number of threads nor the order changes any result.
 """
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor, as_completed
 from threading import Event
 from typing import TypeVar
 
 from qualrl.errors import SettingError
+from qualrl.kernels.bands import processors
 from qualrl.learning.trainer import Milestone
 
 Item = TypeVar("Item")
@@ -37,7 +37,7 @@ def over_threads(
         if stop.is_set():
             raise CancelledError
 
-    with ThreadPoolExecutor(threads or _processors()) as pool:
+    with ThreadPoolExecutor(threads or processors()) as pool:
         jobs = [pool.submit(one, item, watch) for item in items]
         try:
             for done, job in enumerate(as_completed(jobs), 1):
@@ -49,7 +49,3 @@ def over_threads(
             pool.shutdown(cancel_futures=True)
             raise
     return [job.result() for job in jobs]
-
-
-def _processors() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,10 +1,13 @@
 """Distances to the nearest cell that is not free, and what follows from them."""
 
+from functools import partial
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels.thickness import disc_centres, local_thickness
+from qualrl.kernels.bands import in_bands
+from qualrl.kernels.thickness import disc_centres, local_thickness, positive_bits
 
 
 def distance_within(free: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -21,8 +24,14 @@ def distance_within(free: NDArray[np.bool_]) -> NDArray[np.float32]:
 
 def thickness_over(distance: NDArray[np.float32]) -> NDArray[np.float32]:
     """(H, W) radius of the largest free disc over each cell, from the distances to what is not free, in cells."""
-    centres = disc_centres(distance)
+    centres = np.concatenate(in_bands(partial(disc_centres, distance), distance.shape))
     largest_first = centres[np.argsort(-distance.ravel()[centres], kind="stable")]
-    height, width = distance.shape
-    room = np.empty((height, width + 1), np.int16 if width < 2**15 else np.int32)
-    return local_thickness(distance, largest_first, room)
+    unpainted = np.empty((distance.shape[0], -(-distance.shape[1] // 64)), np.uint64)
+    thickness = np.zeros(distance.shape, np.float32)
+
+    def paint(top: int, bottom: int) -> None:
+        positive_bits(distance, unpainted, top, bottom)
+        local_thickness(distance, largest_first, thickness, unpainted, top, bottom)
+
+    in_bands(paint, distance.shape)
+    return thickness

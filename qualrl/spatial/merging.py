@@ -19,7 +19,7 @@ from qualrl.kernels import regions as zone_kernels
 from qualrl.kernels import wall_gaps, zone_graph
 from qualrl.kernels.bonds import Bonds, linked
 from qualrl.kernels.labels import borders, consecutive, renumber, sizes
-from qualrl.kernels.trees import Trees
+from qualrl.kernels.trees import Questions, Trees, questions_of
 from qualrl.spatial.distance import distance_within, thickness_over
 from qualrl.spatial.straightening import straightened
 from qualrl.spatial.view import View, flat_zones
@@ -60,17 +60,17 @@ class ZoneGraph(NamedTuple):
 def merged_regions(view: View, occupied: Flags, min_area_m2: float) -> Labels:
     """(h, w) region of each cell of the view, -1 where it is not free; occupied (H, W)."""
     graph = zone_graph_of(view, occupied)
-    kernels.merge(graph.places, graph.bonds, trees(), graph.about, LEAST_ODDS, min_area_m2, NO_SAMPLES)
+    kernels.merge(graph.places, graph.bonds, questions(), graph.about, LEAST_ODDS, min_area_m2, NO_SAMPLES)
     region = renumber(graph.zone, graph.places.parent)
     del graph
     return straightened(region, view, STRAIGHTENED_M / view.cell_m)
 
 
 @cache
-def trees() -> Trees:
-    """The trained trees."""
+def questions() -> Questions:
+    """What the trained trees ask."""
     with np.load(str(files("qualrl.spatial").joinpath("merging.npz")), allow_pickle=False) as stored:
-        return unpacked({name: stored[name] for name in stored.files})
+        return questions_of(unpacked({name: stored[name] for name in stored.files}))
 
 
 def unpacked(stored: dict[str, NDArray[np.generic]]) -> Trees:

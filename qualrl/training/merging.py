@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels import merging as kernels
-from qualrl.kernels.trees import Trees
+from qualrl.kernels.trees import Questions, questions_of
 from qualrl.spatial.floor_plans import FloorPlan, random_floor_plan
 from qualrl.spatial.merging import ZoneGraph, unpacked, zone_graph_of
 from qualrl.spatial.occupancy_grid import OccupancyGrid
@@ -53,7 +53,7 @@ def samples_of(seed: int, stored: Stored, crowded: bool) -> Samples:
     grid, place = varied(plan, np.random.default_rng([seed, 1]))
     view = look(grid.free, grid.resolution_m, FURNITURE_M)
     graph = zone_graph_of(view, grid.occupied)
-    return samples_on(graph, truth_of(graph, view.of_grid(place, -1)), unpacked(stored))
+    return samples_on(graph, truth_of(graph, view.of_grid(place, -1)), questions_of(unpacked(stored)))
 
 
 def varied(plan: FloorPlan, rng: np.random.Generator) -> tuple[OccupancyGrid, NDArray[np.int32]]:
@@ -68,10 +68,10 @@ def varied(plan: FloorPlan, rng: np.random.Generator) -> tuple[OccupancyGrid, ND
     return OccupancyGrid(free, occupied, cell_m * step), plan.place[::step, ::step]
 
 
-def samples_on(graph: ZoneGraph, truth: NDArray[np.int32], trees: Trees) -> Samples:
+def samples_on(graph: ZoneGraph, truth: NDArray[np.int32], questions: Questions) -> Samples:
     """The samples on one graph whose zones have known places (Z,); the graph is used up."""
     samples = kernels.Samples(truth, np.zeros((SAMPLES, len(kernels.FEATURES) + 2)), np.zeros(1, np.int64))
-    kernels.merge(graph.places, graph.bonds, trees, graph.about, LEAST_ODDS, 0.0, samples)
+    kernels.merge(graph.places, graph.bonds, questions, graph.about, LEAST_ODDS, 0.0, samples)
     return samples.found[: samples.size[0]].astype(np.float32)
 
 
