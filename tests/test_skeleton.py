@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.ndimage import binary_fill_holes, distance_transform_edt, label
 
-from qualrl.kernels.thinning import prune, thin
+from qualrl.kernels.thinning import degrees, prune, thin
 from qualrl.spatial.skeleton import LEAST_REACH, pruned_skeleton
 
 SHAPES = arrays(np.bool_, st.tuples(st.integers(1, 12), st.integers(1, 12)))
@@ -61,9 +61,12 @@ def test_a_cross_of_ragged_corridors_has_one_joint_and_four_ends() -> None:
     free[[0, -1]] = free[:, [0, -1]] = False
     free = binary_fill_holes(free)
     distance = distance_transform_edt(free).astype(np.float32)
-    lines = pruned_skeleton(np.where(free, 0, -1).astype(np.int32), distance)
+    line = pruned_skeleton(np.where(free, 0, -1).astype(np.int32), distance)
+    lines = nx.grid_2d_graph(*free.shape).subgraph([tuple(cell) for cell in np.argwhere(line >= 0).tolist()])
     assert nx.is_connected(lines)
-    joints = [divmod(node, 200) for node, degree in lines.degree if degree > 2]
+    cells = np.flatnonzero(line >= 0)
+    assert degrees(line, cells).tolist() == [lines.degree[divmod(cell, 200)] for cell in cells.tolist()]
+    joints = [node for node, degree in lines.degree if degree > 2]
     assert joints
     assert all(abs(row - 100) < 12 and abs(column - 100) < 12 for row, column in joints)
     assert sum(degree == 1 for _, degree in lines.degree) == 4

@@ -9,6 +9,8 @@ from numba.core import cgutils
 from numba.cpython.unsafe import numbers
 from numba.extending import intrinsic
 
+from qualrl.kernels.jit import compiled_part
+
 AHEAD = 16
 """How many items before its turn a loop asks for the memory of one: in no order of memory it mostly waits for it."""
 
@@ -34,3 +36,11 @@ prefetch = cast(Callable[[Any, int], None], intrinsic(_prefetch))
 
 trailing_zeros = cast(Callable[[Any], Any], numbers.trailing_zeros)
 """The number of the lowest bit that is set in a word other than 0."""
+
+
+@compiled_part
+def ask_around(flat: Any, cell: int, width: int) -> None:
+    """Ask for the memory of a cell and of those that share a side with it."""
+    prefetch(flat, cell)
+    prefetch(flat, cell - width)
+    prefetch(flat, cell + width)

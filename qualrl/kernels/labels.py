@@ -68,6 +68,19 @@ def renumber(label: Ints, number: Ints) -> Ints:
 
 
 @compiled
+def only(label: Ints, kept: NDArray[np.bool_], depth: Floats) -> Ints:
+    """(H, W) the labels (H, W) that are kept (count,), where the depth (H, W) is above 0; -1 elsewhere."""
+    height, width = label.shape
+    found = np.full((height, width), -1, np.int32)
+    for row in range(height):
+        for column in range(width):
+            here = label[row, column]
+            if here >= 0 and kept[here] and depth[row, column] > 0:
+                found[row, column] = here
+    return found
+
+
+@compiled
 def consecutive(label: Ints) -> int:
     """Number the labels that are used from 0 without gaps, in their order; how many.  (H, W) label is updated."""
     number = np.zeros(label.max() + 1, np.int32)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels.bonds import Bonds, append, find, tidy
-from qualrl.kernels.instructions import AHEAD, prefetch
+from qualrl.kernels.instructions import AHEAD, ask_around, prefetch
 from qualrl.kernels.jit import compiled, compiled_part
 
 Floats = NDArray[np.float32]
@@ -177,14 +177,6 @@ def _sixteenths(width: float) -> int:
     return int(min(width * 16, 65535))
 
 
-@compiled_part
-def _ask_around(flat: Any, cell: int, width: int) -> None:
-    """Ask for the memory of a cell and of those that share a side with it."""
-    prefetch(flat, cell)
-    prefetch(flat, cell - width)
-    prefetch(flat, cell + width)
-
-
 @compiled
 def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, step: float) -> tuple[Ints, int]:
     """Zones of alike thickness: (H, W) zone of each cell, -1 for cells not in order; and their number.
@@ -199,7 +191,7 @@ def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, s
     beside = (-width, -1, 1, width)
     forest = np.full(thick.size, NO_SET, np.int32)
     for at in range(order.size):
-        _ask_around(forest, order[min(at + AHEAD, order.size - 1)], width)
+        ask_around(forest, order[min(at + AHEAD, order.size - 1)], width)
         prefetch(thick, order[min(at + AHEAD, order.size - 1)])
         prefetch(way, order[min(at + AHEAD, order.size - 1)])
         cell, best = order[at], -1

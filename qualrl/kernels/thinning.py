@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.kernels.instructions import AHEAD, ask_around
 from qualrl.kernels.jit import compiled, compiled_part
 
 Ints = NDArray[np.int32]
@@ -12,15 +13,11 @@ RING = np.array([[0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0], [
 """The cells around one, counterclockwise from the east."""
 
 
-@compiled_part
-def _may_go(label: Any, row: int, column: int) -> bool:
-    """Whether the rest of the shape hangs together as before without this cell, which is no end of a line."""
-    height, width = label.shape
-    around = 0
-    for k in range(8):
-        r, c = row + RING[k, 0], column + RING[k, 1]
-        if 0 <= r < height and 0 <= c < width and label[r, c] == label[row, column]:
-            around |= 1 << k
+def _may_go(around: int) -> bool:
+    """Whether the rest of a shape hangs together as before without a cell, which is no end of a line.
+
+    around: a bit for each cell of the RING, set for those of the shape.
+    """
     # Yokoi's number: pieces of the shape that the cell holds together, by sides and not by corners.
     pieces, sides = 0, 0
     for k in range(0, 8, 2):
@@ -30,23 +27,46 @@ def _may_go(label: Any, row: int, column: int) -> bool:
     return pieces == 1 and sides > 1
 
 
+MAY_GO = np.array([_may_go(around) for around in range(256)])
+
+
+@compiled_part
+def _ring(flat: Ints, height: int, width: int, cell: int) -> int:
+    """Which cells around one are of its shape, of an image (H x W,): a bit for each of the RING."""
+    row, column = cell // width, cell % width
+    around = 0
+    if 0 < row < height - 1 and 0 < column < width - 1:
+        steps = (1, 1 - width, -width, -1 - width, -1, width - 1, width, width + 1)
+        for k in range(8):
+            around |= (flat[cell + steps[k]] == flat[cell]) << k
+        return around
+    for k in range(8):
+        r, c = row + RING[k, 0], column + RING[k, 1]
+        if 0 <= r < height and 0 <= c < width and flat[r * width + c] == flat[cell]:
+            around |= 1 << k
+    return around
+
+
 @compiled
 def thin(label: Ints, order: Ints) -> Ints:
     """(H, W) the shapes, each worn down, cells in the given order, to a line; -1 elsewhere.
 
     label (H, W), -1 outside every shape; order: flat indices of the cells, those near the edge first.
     """
-    left = label.copy()
-    width = label.shape[1]
-    gone = 1
-    while gone > 0:
-        gone = 0
-        for k in range(order.size):
-            row, column = order[k] // width, order[k] % width
-            if left[row, column] >= 0 and _may_go(left, row, column):
-                left[row, column] = -1
-                gone += 1
-    return left
+    height, width = label.shape
+    flat, rest = label.ravel().copy(), order.copy()
+    count, before = rest.size, rest.size + 1
+    while count < before:
+        before, count = count, 0
+        for at in range(before):
+            ask_around(flat, rest[min(at + AHEAD, before - 1)], width)
+            cell = rest[at]
+            if MAY_GO[_ring(flat, height, width, cell)]:
+                flat[cell] = -1
+            else:
+                rest[count] = cell
+                count += 1
+    return flat.reshape(height, width)
 
 
 @compiled
@@ -77,6 +97,15 @@ def prune(line: Ints, distance: NDArray[np.float32], least: float) -> Ints:
         if not len(tips):
             return left
         cells = cells[left.ravel()[cells] >= 0]
+
+
+@compiled
+def degrees(line: Ints, cells: NDArray[np.int64]) -> Ints:
+    """(N,) how many cells of the same line (H, W) share a side with each of the cells, flat indices on lines."""
+    found = np.empty(cells.size, np.int32)
+    for at in range(cells.size):
+        found[at] = _degree(line, cells[at])
+    return found
 
 
 @compiled

@@ -6,10 +6,11 @@ H, W: rows, columns.  Lengths are in cells unless their name says otherwise.
 from collections.abc import Sequence
 
 import cv2
-import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.kernels.labels import only
+from qualrl.kernels.thinning import degrees
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.region_map import CENTRE, Doorway, Landmark, Region
 from qualrl.spatial.skeleton import pruned_skeleton
@@ -124,21 +125,24 @@ def _corridor_marks(
 ) -> tuple[list[Cell], list[Cell]]:
     """Junctions and dead ends of the corridors: where lines of their skeletons meet, and end at no doorway."""
     is_corridor = np.array([region.kind == "corridor" for region in regions], np.bool_)
-    inside = np.where((label >= 0) & (distance > 0) & is_corridor[label], label, np.int32(-1))
-    if (inside < 0).all():
+    if not is_corridor.any():
         return [], []
+    inside = only(label, is_corridor, distance)
     width = 2 * half_width
     shape = _without_holes(inside, width)
-    lines = pruned_skeleton(shape, distance)
+    line = pruned_skeleton(shape, distance)
+    nodes = np.flatnonzero(line >= 0)
+    ways = degrees(line, nodes)
+    special = ways != 2
     junctions: list[tuple[float, Cell]] = []
     dead_ends: list[Cell] = []
-    for node, degree in lines.degree:
+    for node, degree in zip(nodes[special].tolist(), ways[special].tolist(), strict=True):
         cell = divmod(node, label.shape[1])
         region = int(shape[cell])
         if degree > 2:
             junctions.append((float(distance[cell]), _free_beside(label, region, cell)))
         elif degree <= 1 and not _has_doorway(doorways, region, cell, float(width[region])):
-            end = _clear_of_walls(lines, node, distance, float(half_width[region]))
+            end = _clear_of_walls(line, cell, distance, float(half_width[region]))
             dead_ends.append(_free_beside(label, region, end))
     return _spread(junctions, float(width[is_corridor].mean()) + 1.0), list(dict.fromkeys(dead_ends))
 
@@ -175,16 +179,26 @@ def _free_beside(label: Ints, region: int, cell: Cell) -> Cell:
     return cell
 
 
-def _clear_of_walls(lines: "nx.Graph[int]", tip: int, distance: Floats, half_width: float) -> Cell:
+def _clear_of_walls(line: Ints, tip: Cell, distance: Floats, half_width: float) -> Cell:
     """The first cell of a line, from its tip on, that lies well inside its corridor: tips lie in corners."""
-    width, seen, here = distance.shape[1], {tip}, tip
-    while distance[divmod(here, width)] < CLEAR * half_width and len(seen) <= 2 * half_width:
-        following = [node for node in lines[here] if node not in seen]
+    seen, here = {tip}, tip
+    while distance[here] < CLEAR * half_width and len(seen) <= 2 * half_width:
+        following = [cell for cell in _along(line, here) if cell not in seen]
         if len(following) != 1:
             break
         (here,) = following
         seen.add(here)
-    return here // width, here % width
+    return here
+
+
+def _along(line: Ints, cell: Cell) -> list[Cell]:
+    """The cells of the same line that share a side with this one."""
+    row, column = cell
+    return [
+        (r, c)
+        for r, c in ((row - 1, column), (row, column - 1), (row, column + 1), (row + 1, column))
+        if 0 <= r < line.shape[0] and 0 <= c < line.shape[1] and line[r, c] == line[cell]
+    ]
 
 
 def _has_doorway(doorways: Sequence[Doorway], region: int, cell: Cell, reach: float) -> bool:
