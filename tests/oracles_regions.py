@@ -1,5 +1,6 @@
 """How well two ways to divide the same cells agree."""
 
+import math
 from math import comb
 
 import numpy as np
@@ -11,10 +12,10 @@ def adjusted_rand_index(one, other):
     _, second = np.unique(other, return_inverse=True)
     table = np.zeros((first.max() + 1, second.max() + 1), int)
     np.add.at(table, (first, second), 1)
-    together = sum(comb(int(count), 2) for count in table.ravel())
-    rows = sum(comb(int(count), 2) for count in table.sum(axis=1))
-    columns = sum(comb(int(count), 2) for count in table.sum(axis=0))
-    expected = rows * columns / comb(int(table.sum()), 2)
+    together = sum(math.comb(int(count), 2) for count in table.ravel())
+    rows = sum(math.comb(int(count), 2) for count in table.sum(axis=1))
+    columns = sum(math.comb(int(count), 2) for count in table.sum(axis=0))
+    expected = rows * columns / math.comb(int(table.sum()), 2)
     most = (rows + columns) / 2
     return 1.0 if most == expected else (together - expected) / (most - expected)
 
@@ -67,3 +68,22 @@ def flooded(label, mask, depth):
                 wait(other, level)
         queues = {at: queue for at, queue in queues.items() if queue}
     return label
+
+
+def local_thickness(distance):
+    """(H, W) of each free cell the radius of the largest disc over it, of those whose centre is on a ridge."""
+    height, width = distance.shape
+    found = np.zeros_like(distance)
+    for row, column in np.argwhere(distance > 0).tolist():
+        radius = distance[row, column]
+        around = [(r, c) for r in (row - 1, row, row + 1) for c in (column - 1, column, column + 1)
+                  if (r, c) != (row, column) and 0 <= r < height and 0 <= c < width]  # fmt: skip
+        rise = [np.float32(0.9) * np.float32(1.0 if r == row or c == column else 1.41421) for r, c in around]
+        if any(distance[cell] >= radius + up for cell, up in zip(around, rise, strict=True)):
+            continue
+        for r, c in np.argwhere(distance > 0).tolist():
+            # All of a row's cells whose centres are inside the disc, and the centre's own column.
+            off = max(float(radius) ** 2 - (r - row) ** 2, 0.0)
+            if abs(r - row) < radius and (c == column or abs(c - column) < math.sqrt(off) - 1e-3):
+                found[r, c] = max(found[r, c], radius)
+    return found

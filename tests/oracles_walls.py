@@ -49,3 +49,9 @@ def walls_between(zone, most):
                 if one[0] != other[0] and 0 < other[1] - one[2] <= most and (-1, one[2], other[1]) in runs
             ]
     return sorted(found)
+
+
+def is_single_gap(around):
+    """Whether of three by three cells only those left and right of the middle, or above and below it, are not free."""
+    bars = ([[True] * 3, [False, True, False], [True] * 3], [[True, False, True], [True] * 3, [True, False, True]])
+    return around in bars

@@ -330,5 +330,13 @@ def test_packed_trees_decide_as_where_they_come_from():
     np.testing.assert_allclose(odds_of(questions_of(trees), fresh), decided, rtol=1e-4, atol=1e-5)
 
 
+def test_a_tree_of_more_leaves_than_a_word_has_bits_is_refused():
+    tree = 0.0
+    for at in range(64):
+        tree = (0, float(at), 1.0, tree)
+    with pytest.raises(ValueError, match="65 leaves"):
+        flat([tree], 0.0)
+
+
 def test_without_trees_the_odds_are_what_they_start_from():
     assert odds_of(questions_of(unpacked(packed([], 0.25))), np.zeros((2, FEATURES))).tolist() == [0.25, 0.25]

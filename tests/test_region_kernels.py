@@ -1,12 +1,18 @@
 """The loops that cut free space into zones, against slow twins."""
 
+from unittest.mock import patch
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from numba import njit
 from scipy import ndimage
 
+from qualrl.kernels import bands as banding
 from qualrl.kernels import labels, regions, zone_graph
+from qualrl.kernels.instructions import prefetch, trailing_zeros
+from qualrl.spatial.distance import distance_within, thickness_over
 from tests import oracles_regions
 
 SHAPES = st.shared(st.tuples(st.integers(1, 8), st.integers(1, 8)), key="shape")
@@ -18,7 +24,7 @@ WIDTHS = arrays(np.float32, SHAPES, elements=st.sampled_from([0, 0.5, 1, 1.125, 
 @settings(deadline=None, max_examples=300)
 @given(WIDTHS, WIDTHS, st.sampled_from([0.5, 0.85, 1.0]), st.sampled_from([0.5, 0.8]))
 def test_flat_zones_are_the_textbook_ones(width, other, pinch, step):
-    distance, thickness = np.minimum(width, other), np.maximum(width, other)
+    distance, thickness = np.pad(np.minimum(width, other), 1), np.pad(np.maximum(width, other), 1)
     order = regions.thick_first(thickness, distance)
     zone, count = regions.flat_zones(thickness, distance, order, pinch, step)
     cells = [divmod(cell, zone.shape[1]) for cell in order.tolist()]
@@ -89,3 +95,52 @@ def test_labels_lose_what_is_near_their_border_unless_nothing_is_left(label, awa
             expected[(label == number) & ~is_core] = -1
     regions.keep_cores(label, away, thickness, np.float32(most))
     np.testing.assert_array_equal(label, expected)
+
+
+@given(LABELS)
+def test_boxes_are_those_that_scipy_finds(label):
+    rows_and_columns = ndimage.find_objects(label + 1, 4)
+    for found, expected in zip(labels.boxes(label, 4).tolist(), rows_and_columns, strict=True):
+        if expected is not None:
+            rows, columns = expected
+            assert found == [rows.start, rows.stop, columns.start, columns.stop]
+
+
+@given(LABELS, arrays(np.bool_, 4), WIDTHS)
+def test_only_the_labels_asked_for_are_left(label, kept, depth):
+    expected = np.where((label >= 0) & kept[label] & (depth > 0), label, -1)
+    np.testing.assert_array_equal(labels.only(label, kept, depth), expected)
+
+
+@settings(deadline=None, max_examples=200)
+@given(FLAGS, st.integers(1, 4))
+def test_thickness_is_the_largest_of_the_discs_in_any_number_of_bands(free, bands):
+    distance = distance_within(np.pad(free, 1))
+    with patch.object(banding, "LEAST_CELLS", 1), patch.object(banding, "processors", lambda: bands):
+        found = thickness_over(distance)
+    np.testing.assert_array_equal(found, oracles_regions.local_thickness(distance))
+
+
+def test_rows_longer_than_a_word_are_painted_whole():
+    free = np.zeros((9, 300), np.bool_)
+    free[1:8, 1:-1] = True
+    free[4, [63, 64, 128, 200]] = False
+    distance = distance_within(free)
+    np.testing.assert_array_equal(thickness_over(distance), oracles_regions.local_thickness(distance))
+
+
+@given(st.integers(1, 40), st.integers(1, 5))
+def test_bands_meet_every_row_once_and_in_order(height, processors):
+    with patch.object(banding, "LEAST_CELLS", 1), patch.object(banding, "processors", lambda: processors):
+        bands = banding.in_bands(lambda top, bottom: list(range(top, bottom)), (height, 3))
+    assert len(bands) <= processors
+    assert [row for band in bands for row in band] == list(range(height))
+
+
+def test_a_word_has_zeros_and_memory_may_be_asked_for_where_there_is_none():
+    @njit
+    def zeros(word, array):
+        prefetch(array, len(array) + 10**6)
+        return trailing_zeros(word)
+
+    assert [zeros(np.uint64(1) << np.uint64(bit), np.zeros(3)) for bit in range(64)] == list(range(64))

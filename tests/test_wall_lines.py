@@ -64,6 +64,20 @@ def test_walls_between_zones_are_the_textbook_ones(zone, most):
     assert found == oracles_walls.walls_between(zone, most)
 
 
+@settings(deadline=None, max_examples=200)
+@given(arrays(np.bool_, st.tuples(st.integers(1, 7), st.integers(1, 7)), elements=st.booleans()))
+def test_single_gaps_have_walls_beside_them_and_free_space_before_and_behind(free):
+    wide = np.pad(free, 1)
+    expected = [
+        [
+            oracles_walls.is_single_gap(wide[row : row + 3, column : column + 3].tolist())
+            for column in range(free.shape[1])
+        ]
+        for row in range(free.shape[0])
+    ]
+    assert wall_gaps.single_gaps(free).tolist() == expected
+
+
 def point(along, off, turn_deg, side):
     """(x, y) of the cell so far along and beside a direction through the middle of a square map."""
     cosine, sine = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled
+from qualrl.kernels.jit import compiled, compiled_part
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -55,6 +55,23 @@ def sizes(label: Ints, count: int) -> NDArray[np.int64]:
         if here >= 0:
             cells[here] += 1
     return cells
+
+
+@compiled
+def boxes(label: Ints, count: int) -> NDArray[np.int64]:
+    """(count, 4) top, bottom, left and right of the box around each label (H, W); bottom and right are past its end."""
+    height, width = label.shape
+    found = np.zeros((count, 4), np.int64)
+    found[:, 0], found[:, 2] = height, width
+    for row in range(height):
+        for column in range(width):
+            here = label[row, column]
+            if here >= 0:
+                found[here, 0] = min(found[here, 0], row)
+                found[here, 1] = row + 1
+                found[here, 2] = min(found[here, 2], column)
+                found[here, 3] = max(found[here, 3], column + 1)
+    return found
 
 
 @compiled
@@ -139,6 +156,15 @@ def measured(label: Ints, count: int, depth: Floats) -> tuple[NDArray[np.int64],
     return cells, sums, centre
 
 
+@compiled_part
+def _is_inside(label: Any, row: int, column: int) -> bool:
+    """Whether there is a label on all four sides of a cell: so it is for most, and soon told."""
+    if not (0 < row < label.shape[0] - 1 and 0 < column < label.shape[1] - 1):
+        return False
+    across = label[row, column - 1] | label[row, column + 1]
+    return bool((across | label[row - 1, column] | label[row + 1, column]) >= 0)
+
+
 @compiled
 def borders(label: Ints, occupied: NDArray[np.bool_], count: int) -> NDArray[np.int64]:
     """(count, 2): of each label the sides of its cells that face a wall, and those that face what is unknown.
@@ -151,7 +177,7 @@ def borders(label: Ints, occupied: NDArray[np.bool_], count: int) -> NDArray[np.
     for row in range(height):
         for column in range(width):
             here = label[row, column]
-            if here < 0:
+            if here < 0 or _is_inside(label, row, column):
                 continue
             for move in range(4):
                 r = row + (move == 1) - (move == 0)

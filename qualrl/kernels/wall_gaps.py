@@ -79,17 +79,38 @@ def walls_between(zone: Ints, most: int) -> tuple[Ints, Ints]:
     for fill in range(2):
         pair, axis = np.empty((count * fill, 2), np.int32), np.empty(count * fill, np.int32)
         count = 0
-        for along in range(2):
-            lines, length = (height, width) if along == 0 else (width, height)
-            for line in range(lines):
-                last, before = -1, -1
-                for at in range(length):
-                    here = zone[line, at] if along == 0 else zone[at, line]
-                    if here < 0:
-                        continue
-                    if last >= 0 and 0 < at - last - 1 <= most and before != here:
-                        if fill:
-                            pair[count, 0], pair[count, 1], axis[count] = before, here, along
-                        count += 1
-                    last, before = at, here
+        # Column by column, in the order of memory: what was last met in each is kept.
+        last_down, before_down = np.full(width, -1, np.int32), np.full(width, -1, np.int32)
+        for row in range(height):
+            last, before = -1, -1
+            for column in range(width):
+                here = zone[row, column]
+                if here < 0:
+                    continue
+                if last >= 0 and 0 < column - last - 1 <= most and before != here:
+                    if fill:
+                        pair[count, 0], pair[count, 1], axis[count] = before, here, 0
+                    count += 1
+                above = before_down[column]
+                if above >= 0 and 0 < row - last_down[column] - 1 <= most and above != here:
+                    if fill:
+                        pair[count, 0], pair[count, 1], axis[count] = above, here, 1
+                    count += 1
+                last, before = column, here
+                last_down[column], before_down[column] = row, here
     return pair, axis
+
+
+@compiled
+def single_gaps(free: Flags) -> Flags:
+    """(H, W) free cells that are gaps of one cell: walls on two opposite sides, and before and behind them all free."""
+    height, width = free.shape
+    found = np.zeros((height, width), np.bool_)
+    for row in range(1, height - 1):
+        above, here, below = free[row - 1], free[row], free[row + 1]
+        for column in range(1, width - 1):
+            west, east, north, south = here[column - 1], here[column + 1], above[column], below[column]
+            corners = above[column - 1] & above[column + 1] & below[column - 1] & below[column + 1]
+            through = (north & south & (not west) & (not east)) | (west & east & (not north) & (not south))
+            found[row, column] = here[column] & corners & through
+    return found

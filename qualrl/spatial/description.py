@@ -20,7 +20,6 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import find_objects
 
 from qualrl.kernels import labels, zone_graph
 from qualrl.kernels import regions as kernels
@@ -128,8 +127,10 @@ def shapes_of(parts: Parts, doorways: Sequence[Doorway], occupied: Flags, resolu
     linked = np.where(parts.is_pocket, 0, parts.cells)
     says_walls = linked[walls >= unknown].sum() >= WALLED * linked.sum()
     shapes = []
-    for region, (box, cells) in enumerate(zip(find_objects(parts.label + 1), parts.cells, strict=True)):
-        longer, shorter = _sides(parts.label[box] == region, bool(parts.is_pocket[region]))
+    boxes = labels.boxes(parts.label, count).tolist()
+    for region, ((top, bottom, left, right), cells) in enumerate(zip(boxes, parts.cells, strict=True)):
+        inside = parts.label[top:bottom, left:right] == region
+        longer, shorter = _sides(inside, bool(parts.is_pocket[region]))
         half_width = float(parts.half_width[region])
         shapes.append(
             Shape(

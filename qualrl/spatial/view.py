@@ -15,9 +15,9 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import find_objects
 
 from qualrl.kernels import regions as kernels
+from qualrl.kernels.wall_gaps import single_gaps
 from qualrl.spatial.distance import distance_within, thickness_over
 from qualrl.spatial.posture import Number, Posture, posture
 
@@ -101,12 +101,12 @@ class View:
 def look(free: Flags, cell_m: float, furniture_m: float) -> View:
     """The view of free cells (H, W) with sides of cell_m, past things smaller than furniture_m."""
     shape = (free.shape[0], free.shape[1])
-    rows, columns = find_objects(free.astype(np.uint8))[0]
-    window = (rows, columns)
+    left, top, across, down = cv2.boundingRect(free.astype(np.uint8))
+    window = (slice(top, top + down), slice(left, left + across))
     turned = posture(free[window])
     free = turned.of(free[window])
     zoom = 2 if _is_coarse(free, cell_m) else 1
-    larger, gap = enlarged(free, zoom), enlarged(_gaps(free), zoom)
+    larger, gap = enlarged(free, zoom), enlarged(single_gaps(free), zoom)
     thing = _furniture(larger, cell_m / zoom, zoom, furniture_m)
     clear = larger | (thing >= 0)
     radius = round(WHISKER_M * zoom / cell_m)
@@ -152,15 +152,6 @@ def _is_coarse(free: Flags, cell_m: float) -> bool:
     if cell_m <= WALLED_M:
         return cell_m > 1.5 * SIDE_M
     return bool(np.median(distance_within(np.pad(free, 1))[1:-1, 1:-1][free]) < COARSE_CELLS)
-
-
-def _gaps(free: Flags) -> Flags:
-    """(H, W) gaps of one cell in a wall of one cell: no width tells them from a corridor of one cell."""
-    wide = np.pad(free, 1)
-    north, south, west, east = wide[:-2, 1:-1], wide[2:, 1:-1], wide[1:-1, :-2], wide[1:-1, 2:]
-    corners = wide[:-2, :-2] & wide[:-2, 2:] & wide[2:, :-2] & wide[2:, 2:]
-    through = (north & south & ~west & ~east) | (west & east & ~north & ~south)
-    return np.asarray(free & corners & through, np.bool_)
 
 
 def _furniture(free: Flags, cell_m: float, zoom: int, furniture_m: float) -> Things:
