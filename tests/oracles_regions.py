@@ -1,7 +1,6 @@
 """How well two ways to divide the same cells agree."""
 
 import math
-from math import comb
 
 import numpy as np
 
