@@ -44,6 +44,7 @@ def test_labels_flood_the_deepest_first(label, mask, depth):
     np.testing.assert_array_equal(grown, slow)
 
 
+@settings(deadline=None)
 @given(LABELS, WIDTHS)
 def test_what_zones_hold_is_counted(zone, thickness):
     cells = [(zone == number).sum() for number in range(4)]
@@ -55,6 +56,7 @@ def test_what_zones_hold_is_counted(zone, thickness):
     assert found[:, 2].tolist() == [max(widths, default=0) for widths in wide]
 
 
+@settings(deadline=None)
 @given(LABELS)
 def test_used_labels_are_numbered_without_gaps_in_their_order(label):
     used = sorted(set(label[label >= 0].tolist()))
@@ -63,6 +65,7 @@ def test_used_labels_are_numbered_without_gaps_in_their_order(label):
     np.testing.assert_array_equal(label, expected)
 
 
+@settings(deadline=None)
 @given(LABELS, arrays(np.int32, 4, elements=st.integers(-1, 9)))
 def test_labels_get_new_numbers_in_place(label, number):
     expected = [[int(number[here]) if here >= 0 else -1 for here in row] for row in label.tolist()]
@@ -70,6 +73,7 @@ def test_labels_get_new_numbers_in_place(label, number):
     assert label.tolist() == expected
 
 
+@settings(deadline=None)
 @given(LABELS)
 def test_each_piece_has_the_label_of_its_cells(label):
     piece, count = regions.pieces(label)
@@ -78,6 +82,7 @@ def test_each_piece_has_the_label_of_its_cells(label):
     assert ((piece >= 0) == (label >= 0)).all()
 
 
+@settings(deadline=None)
 @given(LABELS, FLAGS)
 def test_what_has_no_label_is_numbered_piece_by_piece(label, mask):
     piece, _ = ndimage.label(mask & (label < 0))  # 4-connected; scipy numbers pieces in the order of their first cell
@@ -86,6 +91,7 @@ def test_what_has_no_label_is_numbered_piece_by_piece(label, mask):
     np.testing.assert_array_equal(label, expected)
 
 
+@settings(deadline=None)
 @given(LABELS, WIDTHS, WIDTHS, st.sampled_from([0.5, 1.0, np.inf]))
 def test_labels_lose_what_is_near_their_border_unless_nothing_is_left(label, away, thickness, most):
     is_core = away > np.minimum(thickness / 2, np.float32(most))
@@ -97,6 +103,7 @@ def test_labels_lose_what_is_near_their_border_unless_nothing_is_left(label, awa
     np.testing.assert_array_equal(label, expected)
 
 
+@settings(deadline=None)
 @given(LABELS)
 def test_boxes_are_those_that_scipy_finds(label):
     rows_and_columns = ndimage.find_objects(label + 1, 4)
@@ -106,6 +113,7 @@ def test_boxes_are_those_that_scipy_finds(label):
             assert found == [rows.start, rows.stop, columns.start, columns.stop]
 
 
+@settings(deadline=None)
 @given(LABELS, arrays(np.bool_, 4), WIDTHS)
 def test_only_the_labels_asked_for_are_left(label, kept, depth):
     expected = np.where((label >= 0) & kept[label] & (depth > 0), label, -1)
@@ -129,6 +137,7 @@ def test_rows_longer_than_a_word_are_painted_whole():
     np.testing.assert_array_equal(thickness_over(distance), oracles_regions.local_thickness(distance))
 
 
+@settings(deadline=None)
 @given(st.integers(1, 40), st.integers(1, 5))
 def test_bands_meet_every_row_once_and_in_order(height, processors):
     with patch.object(banding, "LEAST_CELLS", 1), patch.object(banding, "processors", lambda: processors):

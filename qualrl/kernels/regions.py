@@ -36,16 +36,15 @@ class Rules(NamedTuple):
 
 
 @compiled_part
-def _beside(cell: int, side: int, height: int, width: int) -> int:
-    """Flat index of the cell north, west, east or south (side 0 to 3) of a cell, -1 off the map."""
-    column = cell % width
-    if side == 0:
-        return cell - width if cell >= width else -1
-    if side == 1:
-        return cell - 1 if column > 0 else -1
-    if side == 2:
-        return cell + 1 if column < width - 1 else -1
-    return cell + width if cell < (height - 1) * width else -1
+def _beside(cell: int, height: int, width: int) -> tuple[int, int, int, int]:
+    """Flat indices of the cells north, west, east and south of a cell, -1 off the map."""
+    column = np.uint32(cell) % np.uint32(width)  # division takes long, of more bits longer
+    return (
+        cell - width if cell >= width else -1,
+        cell - 1 if column > 0 else -1,
+        cell + 1 if column < width - 1 else -1,
+        cell + width if cell < (height - 1) * width else -1,
+    )
 
 
 NO_SET = np.int32(-(2**31))
@@ -89,14 +88,18 @@ def pieces(label: Any) -> tuple[Ints, int]:
     height, width = label.shape
     flat = label.ravel()
     forest = np.full(flat.size, NO_SET, np.int32)
-    for cell in range(flat.size):
-        if flat[cell] < 0:
-            continue
-        forest[cell] = -1
-        for side in range(2):
-            other = _beside(cell, side, height, width)
-            if other >= 0 and flat[other] == flat[cell]:
-                _unite(forest, _root(forest, other), _root(forest, cell))
+    for row in range(height):
+        for cell in range(row * width, (row + 1) * width):
+            here = flat[cell]
+            if here < 0:
+                continue
+            forest[cell] = -1
+            west = cell > row * width and flat[cell - 1] == here
+            if west:
+                _unite(forest, _root(forest, cell - 1), cell)
+            # With the cell to the northwest both are one already.
+            if row and flat[cell - width] == here and not (west and flat[cell - width - 1] == here):
+                _unite(forest, _root(forest, cell - width), _root(forest, cell))
     return _numbered(forest, height, width)
 
 
@@ -116,8 +119,7 @@ def number_rest(label: Ints, mask: Flags) -> Ints:
         while count:
             count -= 1
             here = waiting[count]
-            for side in range(4):
-                other = _beside(here, side, height, width)
+            for other in _beside(here, height, width):
                 if other >= 0 and inside[other] and flat[other] < 0:
                     flat[other], waiting[count] = number, other
                     count += 1
@@ -325,8 +327,7 @@ def flood(label: Ints, mask: Flags, depth: Floats) -> Ints:
     for cell in range(result.size):
         if result[cell] < 0 or not inside[cell]:
             continue
-        for side in range(4):
-            other = _beside(cell, side, height, width)
+        for other in _beside(cell, height, width):
             if other >= 0 and inside[other] and result[other] < 0:
                 _enqueue(cell, int(8 * depths[cell]), head, tail, following)
                 break
@@ -336,8 +337,7 @@ def flood(label: Ints, mask: Flags, depth: Floats) -> Ints:
             top -= 1
             continue
         head[top] = following[cell]
-        for side in range(4):
-            other = _beside(cell, side, height, width)
+        for other in _beside(cell, height, width):
             if other >= 0 and inside[other] and result[other] < 0:
                 result[other] = result[cell]
                 _enqueue(other, min(int(8 * depths[other]), top), head, tail, following)

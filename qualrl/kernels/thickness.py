@@ -19,6 +19,14 @@ ALL = np.uint64(2**64 - 1)
 
 
 @compiled
+def round_squares(distance: Floats, top: int, bottom: int) -> None:
+    """Round the squares of distances (H, W), updated, to whole numbers, in the rows from top to bottom."""
+    for row in range(top, bottom):
+        for column in range(distance.shape[1]):
+            distance[row, column] = np.sqrt(np.rint(distance[row, column] * distance[row, column]))
+
+
+@compiled
 def positive_bits(values: Floats, words: Words, top: int, bottom: int) -> None:
     """Write to the words (H, W / 64 or one more) which values (H, W) are above 0, in the rows from top to bottom."""
     width = values.shape[1]

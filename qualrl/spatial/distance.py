@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels.bands import in_bands
-from qualrl.kernels.thickness import disc_centres, local_thickness, positive_bits
+from qualrl.kernels.thickness import disc_centres, local_thickness, positive_bits, round_squares
 
 
 def distance_within(free: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -16,10 +16,11 @@ def distance_within(free: NDArray[np.bool_]) -> NDArray[np.float32]:
     Equal on every machine and in every run: OpenCV's square roots depend in their last bit on where in memory an
     image lies, but their squares are whole.
     """
-    found = cv2.distanceTransform(free.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    np.multiply(found, found, out=found)
-    np.rint(found, out=found)
-    return np.asarray(np.sqrt(found, out=found), np.float32)
+    found = np.asarray(
+        cv2.distanceTransform(np.asarray(free, np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE), np.float32
+    )
+    in_bands(partial(round_squares, found), found.shape)
+    return found
 
 
 def thickness_over(distance: NDArray[np.float32]) -> NDArray[np.float32]:
