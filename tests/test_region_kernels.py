@@ -153,3 +153,17 @@ def test_a_word_has_zeros_and_memory_may_be_asked_for_where_there_is_none():
         return trailing_zeros(word)
 
     assert [zeros(np.uint64(1) << np.uint64(bit), np.zeros(3)) for bit in range(64)] == list(range(64))
+
+
+@settings(deadline=None)
+@given(LABELS, st.data())
+def test_runs_are_as_long_as_their_cells_in_a_row(label, data):
+    inside = np.flatnonzero(label >= 0)
+    cells = data.draw(st.lists(st.sampled_from(inside.tolist()), max_size=5)) if inside.size else []
+    down = data.draw(st.lists(st.booleans(), min_size=len(cells), max_size=len(cells)))
+    found = regions.run_lengths(label, np.array(cells, np.int32), np.array(down, np.bool_))
+    for cell, is_down, length in zip(cells, down, found.tolist(), strict=True):
+        row, column = divmod(cell, label.shape[1])
+        line, at = (label[:, column], row) if is_down else (label[row], column)
+        number, _ = ndimage.label(line >= 0)
+        assert length == (number == number[at]).sum()

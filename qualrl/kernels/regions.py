@@ -356,18 +356,15 @@ def _enqueue(cell: int, level: int, head: Ints, tail: Ints, following: Ints) -> 
 
 
 @compiled
-def free_runs(free: Flags) -> tuple[Ints, Ints]:
-    """(H, W) cells of the free run through each cell along its row, and along its column; 0 where not free."""
-    height, width = free.shape
-    along, across = np.zeros((height, width), np.int32), np.zeros((height, width), np.int32)
-    first_row = np.zeros(width, np.int32)
-    for row in range(height + 1):
-        start = 0
-        for column in range(width + 1):
-            if row < height and (column == width or not free[row, column]):
-                along[row, start:column] = column - start
-                start = column + 1
-            if column < width and (row == height or not free[row, column]):
-                across[first_row[column] : row, column] = row - first_row[column]
-                first_row[column] = row + 1
-    return along, across
+def run_lengths(label: Ints, cells: Ints, down: NDArray[np.bool_]) -> Ints:
+    """(N,) cells of the free run (label, (H, W), not -1) through each of the cells (N,), along its column if down."""
+    height, width = label.shape
+    length = np.zeros(cells.size, np.int32)
+    for at in range(cells.size):
+        for way in (-1, 1):
+            row, column = cells[at] // width, cells[at] % width
+            while 0 <= row < height and 0 <= column < width and label[row, column] >= 0:
+                length[at] += 1
+                row, column = (row + way, column) if down[at] else (row, column + way)
+        length[at] -= 1  # the cell itself was met from both sides
+    return length

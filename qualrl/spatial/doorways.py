@@ -39,7 +39,7 @@ def find_doorways(
     backwards = pair[:, 0] > pair[:, 1]
     ends[backwards], pair[backwards] = ends[backwards][:, ::-1], pair[backwards][:, ::-1]
     way = distance.ravel()[ends].min(axis=1)
-    breadth = _breadth(label >= 0, ends)
+    breadth = _breadth(label, ends)
     contact = _contacts(ends, pair, thing)
     count = int(contact.max()) + 1
     widest = np.zeros(count, np.float32)
@@ -77,13 +77,12 @@ def _doorway(pair: tuple[int, int], cells: Ints, is_open: bool, resolution_m: fl
     return Doorway("", pair, cells, width * resolution_m, is_open)
 
 
-def _breadth(free: NDArray[np.bool_], ends: Ints) -> Ints:
+def _breadth(label: Ints, ends: Ints) -> Ints:
     """(E, 2) cells of the free run through each end, at a right angle to the step."""
-    along, across = kernels.free_runs(free)
-    is_down = (ends[:, 0] - ends[:, 1]) % free.shape[1] == 0
-    if free.shape[1] == 1:
+    is_down = (ends[:, 0] - ends[:, 1]) % label.shape[1] == 0
+    if label.shape[1] == 1:
         is_down[:] = True
-    return np.where(is_down[:, None], along.ravel()[ends], across.ravel()[ends])
+    return kernels.run_lengths(label, ends.ravel(), ~is_down.repeat(2)).reshape(-1, 2)
 
 
 def _contacts(ends: Ints, pair: Ints, thing: NDArray[np.signedinteger[Any]]) -> Ints:
