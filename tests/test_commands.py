@@ -1,5 +1,6 @@
 """The command as a user meets it: in processes of its own, on files of its own."""
 
+import itertools
 import json
 import os
 import signal
@@ -142,6 +143,35 @@ def test_show_tells_the_same_of_map_and_scenario(here):
     assert "19 x 9 cells" in text
     assert "8 corner, 2 centre" in text
     assert "\x1b" not in text
+
+
+def test_route_tells_the_way_from_region_to_region(here):
+    told, _ = qualrl("route", "rooms.yaml", "--from", "room A", "--to", "room B", cwd=here)
+    way = json.loads(qualrl("route", "rooms.yaml", "--from", "room A", "--to", "room B", "--json", cwd=here)[0])
+    assert way["regions"] == ["room A", "room B"]
+    assert way["doors"] == ["door 1"]
+    assert told.splitlines()[0] == f"from room A to room B: {way['steps']} steps, {way['length_m']:.2f} m"
+    assert told.splitlines()[1:] == ["  in room A", "  through door 1 into room B"]
+    for (row, column), (after_row, after_column) in itertools.pairwise(way["path"]):
+        assert abs(row - after_row) + abs(column - after_column) == 1
+    assert len(way["path"]) == way["steps"] + 1
+    asked = "route", "rooms.scenario.yaml", "--from", "kitchen", "--to", "room B", "--exact", "--json"
+    named = json.loads(qualrl(*asked, cwd=here)[0])
+    assert named["doors"] == ["red door"]
+    assert named["steps"] <= way["steps"]
+
+
+def test_a_route_that_cannot_be_is_refused_in_one_line(here):
+    for asked, told in (
+        (("--from", "room A", "--to", "room X"), "room X"),
+        (("--from", "room A"), "--to"),
+        (("--from", "room A", "--to", "99,99"), "99"),
+        (("--from", "room A", "--to", "room B", "--robot-radius", "40"), "--robot-radius"),
+    ):
+        out, err = qualrl("route", "rooms.yaml", *asked, cwd=here, expect=2)
+        assert out == ""
+        assert told in err
+        assert len(err.splitlines()) == 1
 
 
 def test_show_lists_wings(here):

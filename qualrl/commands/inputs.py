@@ -2,9 +2,11 @@
 
 from pathlib import Path
 
-from qualrl.errors import ScenarioError, did_you_mean
+from qualrl.commands.console import PARSING, Console
+from qualrl.errors import QualrlError, ScenarioError, SettingError, did_you_mean
 from qualrl.io.bundled import SCENARIO_SUFFIX, bundled_names, found
 from qualrl.io.scenario import Scenario, load_scenario
+from qualrl.spatial.region_map import RegionMap
 
 
 def is_scenario(path: Path) -> bool:
@@ -53,3 +55,28 @@ def name_of(path: Path) -> str:
 def output_folder(asked: Path | None, source: Path) -> Path:
     """The folder for results: as asked, or results/NAME."""
     return asked or Path("results") / name_of(source)
+
+
+def regions_of(
+    console: Console, argument: str, resolution_m: float | None, robot_radius_m: float | None = None
+) -> RegionMap:
+    """The regions of a scenario or a map, by its file or as a bundled one; the map's warnings are noted."""
+    from qualrl.io.read_map import read_map
+    from qualrl.spatial.segmentation import segment
+
+    path = found(argument, SCENARIO_SUFFIX)
+    with console.stage(PARSING):
+        if not is_scenario(path):
+            grid = read_map(path, resolution_m=resolution_m)
+            try:
+                regions = segment(grid, radius_m=robot_radius_m or 0.0)
+            except QualrlError as problem:
+                raise type(problem)(f"--robot-radius: {problem}") from None
+        elif resolution_m is not None:
+            raise SettingError(f"{path}: is a scenario, whose key resolution_m says the metres; drop --resolution")
+        else:
+            setting = f"radius_m={robot_radius_m}"
+            asked = [] if robot_radius_m is None else [setting]
+            regions = load_scenario(path).with_settings(asked, {setting: "--robot-radius"}).regions()
+    console.warn_of(regions)
+    return regions

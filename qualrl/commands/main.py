@@ -14,6 +14,7 @@ from qualrl.commands.learners import learners
 from qualrl.commands.plan import plan
 from qualrl.commands.prove import prove
 from qualrl.commands.reproduce import reproduce
+from qualrl.commands.route import route
 from qualrl.commands.run import run
 from qualrl.commands.schema import schema
 from qualrl.commands.show import show
@@ -50,6 +51,7 @@ for command, in_short in (
     (convert, "Map to hybrid MDP, pictures, graphs, a scenario to edit."),
     (learn, "Learn a scenario, beside the exact optimum."),
     (plan, "Plan between two places, and say why each step is taken."),
+    (route, "The shortest way between two places of a map."),
     (learners, "List the learners and what each converges to."),
     (schema, "Print the JSON Schema of scenario files, for editors."),
     (reproduce, "Measure a figure of the paper again, and judge it."),

@@ -32,3 +32,10 @@ PictureSize = Annotated[
 Resolution = Annotated[
     float | None, typer.Option("--resolution", help="Metres a pixel, for an image without a map YAML.")
 ]
+ScenarioOrMap = Annotated[
+    str, typer.Argument(metavar="SCENARIO_OR_MAP", help="A scenario, or a map: image, YAML, .map.")
+]
+RobotRadius = Annotated[
+    float | None, typer.Option("--robot-radius", metavar="METRES", help="Only where a robot of this radius fits.")
+]
+PLACE = "a name, row,col in whole numbers, or x,y in metres with a decimal point"

@@ -6,13 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from qualrl.commands.console import PARSING, Console, guarded
-from qualrl.commands.options import AsJson, Debug, Quiet, Settings
+from qualrl.commands.options import PLACE, AsJson, Debug, Quiet, Settings
 
 if TYPE_CHECKING:
     from qualrl.api import Training
     from qualrl.models.hybrid_mdp import HybridMDP
-
-Place = "a name, row,col in whole numbers, or x,y in metres with a decimal point"
 
 
 @guarded
@@ -20,8 +18,8 @@ def plan(
     source: Annotated[
         str, typer.Argument(metavar="SCENARIO_OR_DIR", help="A scenario, or a folder that learn or run wrote.")
     ],
-    start: Annotated[str | None, typer.Option("--from", metavar="PLACE", help=f"Where to start: {Place}.")] = None,
-    goal: Annotated[str | None, typer.Option("--to", metavar="PLACE", help=f"Where to go: {Place}.")] = None,
+    start: Annotated[str | None, typer.Option("--from", metavar="PLACE", help=f"Where to start: {PLACE}.")] = None,
+    goal: Annotated[str | None, typer.Option("--to", metavar="PLACE", help=f"Where to go: {PLACE}.")] = None,
     exact: Annotated[bool, typer.Option("--exact", help="Use exact values, not what was learned.")] = False,
     settings: Settings = None,
     as_json: AsJson = False,
