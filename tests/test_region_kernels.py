@@ -10,7 +10,7 @@ from numba import njit
 from scipy import ndimage
 
 from qualrl.kernels import bands as banding
-from qualrl.kernels import labels, regions, zone_graph
+from qualrl.kernels import grid, labels, regions, zone_graph
 from qualrl.kernels.instructions import prefetch, trailing_zeros
 from qualrl.spatial.distance import distance_within, thickness_over
 from tests import oracles_regions
@@ -167,3 +167,11 @@ def test_runs_are_as_long_as_their_cells_in_a_row(label, data):
         line, at = (label[:, column], row) if is_down else (label[row], column)
         number, _ = ndimage.label(line >= 0)
         assert length == (number == number[at]).sum()
+
+
+@settings(deadline=None)
+@given(FLAGS)
+def test_free_cells_are_listed_row_by_row(free):
+    found = grid.cells_of(free)
+    assert found.dtype == np.int32
+    np.testing.assert_array_equal(found, np.argwhere(free))

@@ -11,6 +11,23 @@ from qualrl.kernels.jit import compiled
 
 
 @compiled
+def cells_of(free: Any) -> Any:
+    """(S, 2) int32 row and column of each free cell of an image (H, W), row by row."""
+    count = 0
+    for row in range(free.shape[0]):
+        for column in range(free.shape[1]):
+            count += free[row, column]
+    cells = np.empty((count, 2), np.int32)
+    count = 0
+    for row in range(free.shape[0]):
+        for column in range(free.shape[1]):
+            if free[row, column]:
+                cells[count, 0], cells[count, 1] = row, column
+                count += 1
+    return cells
+
+
+@compiled
 def successors(state_of: Any, cells: Any, offsets: Any) -> Any:
     """(S, A) uint32: where each move leads; a move into a wall, or past a corner, leads back.
 

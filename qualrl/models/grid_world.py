@@ -85,7 +85,8 @@ class GridWorld:
     @cached_property
     def cells(self) -> NDArray[np.int32]:
         """(S, 2) row and column of each state."""
-        return np.argwhere(self.free).astype(np.int32)
+        found: NDArray[np.int32] = kernel.cells_of(self.free)
+        return found
 
     @cached_property
     def state_of(self) -> NDArray[np.int32]:

@@ -134,6 +134,10 @@ def _corridor_marks(
     nodes = np.flatnonzero(line >= 0)
     ways = degrees(line, nodes)
     special = ways != 2
+    doors_of: dict[int, list[Doorway]] = {}
+    for door in doorways:
+        for side in door.pair:
+            doors_of.setdefault(side, []).append(door)
     junctions: list[tuple[float, Cell]] = []
     dead_ends: list[Cell] = []
     for node, degree in zip(nodes[special].tolist(), ways[special].tolist(), strict=True):
@@ -141,7 +145,7 @@ def _corridor_marks(
         region = int(shape[cell])
         if degree > 2:
             junctions.append((float(distance[cell]), _free_beside(label, region, cell)))
-        elif degree <= 1 and not _has_doorway(doorways, region, cell, float(width[region])):
+        elif degree <= 1 and not _has_doorway(doors_of.get(region, ()), cell, float(width[region])):
             end = _clear_of_walls(line, cell, distance, float(half_width[region]))
             dead_ends.append(_free_beside(label, region, end))
     return _spread(junctions, float(width[is_corridor].mean()) + 1.0), list(dict.fromkeys(dead_ends))
@@ -201,9 +205,6 @@ def _along(line: Ints, cell: Cell) -> list[Cell]:
     ]
 
 
-def _has_doorway(doorways: Sequence[Doorway], region: int, cell: Cell, reach: float) -> bool:
-    """Whether a doorway of the region is within reach of a cell."""
-    return any(
-        region in door.pair and bool((np.abs(door.cells - cell).max(axis=1) <= max(reach, 1.0)).any())
-        for door in doorways
-    )
+def _has_doorway(doorways: Sequence[Doorway], cell: Cell, reach: float) -> bool:
+    """Whether one of the doorways is within reach of a cell."""
+    return any(bool((np.abs(door.cells - cell).max(axis=1) <= max(reach, 1.0)).any()) for door in doorways)
