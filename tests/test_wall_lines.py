@@ -65,17 +65,22 @@ def test_walls_between_zones_are_the_textbook_ones(zone, most):
 
 
 @settings(deadline=None, max_examples=200)
-@given(arrays(np.bool_, st.tuples(st.integers(1, 7), st.integers(1, 7)), elements=st.booleans()))
-def test_single_gaps_have_walls_beside_them_and_free_space_before_and_behind(free):
-    wide = np.pad(free, 1)
-    expected = [
-        [
-            oracles_walls.is_single_gap(wide[row : row + 3, column : column + 3].tolist())
-            for column in range(free.shape[1])
-        ]
-        for row in range(free.shape[0])
-    ]
+@given(st.tuples(st.integers(1, 7), st.integers(1, 7)), st.data())
+def test_single_gaps_have_walls_beside_them_and_free_space_before_and_behind(shape, data):
+    free = np.ones(shape, np.bool_)
+    cell = st.tuples(*[st.integers(0, side - 1) for side in shape])
+    for row, column in data.draw(st.lists(cell, max_size=8)):
+        free[row, column] = False
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(free, 1), (3, 3)).tolist()
+    expected = [[oracles_walls.is_single_gap(window) for window in row] for row in windows]
     assert wall_gaps.single_gaps(free).tolist() == expected
+
+
+def test_a_wall_of_one_cell_with_a_gap_of_one_cell_has_a_single_gap():
+    free = np.ones((5, 7), np.bool_)
+    free[2, [0, 1, 2, 4, 5, 6]] = False
+    assert np.argwhere(wall_gaps.single_gaps(free)).tolist() == [[2, 3]]
+    assert np.argwhere(wall_gaps.single_gaps(free.T.copy())).tolist() == [[3, 2]]
 
 
 def point(along, off, turn_deg, side):

@@ -55,7 +55,7 @@ for command, in_short in (
     (learners, "List the learners and what each converges to."),
     (schema, "Print the JSON Schema of scenario files, for editors."),
     (reproduce, "Measure a figure of the paper again, and judge it."),
-    (warmup, "Compile all loops once, so that nothing waits later."),
+    (warmup, "Compile the loops once, so that nothing waits later."),
 ):
     app.command(short_help=in_short)(command)
 app.add_typer(prove, name="prove", short_help="Prove or refute what a theorem asks for.")

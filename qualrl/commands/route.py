@@ -16,9 +16,6 @@ def route(
     source: ScenarioOrMap,
     start: Annotated[str, typer.Option("--from", metavar="PLACE", help=f"Where to start: {PLACE}.")],
     goal: Annotated[str, typer.Option("--to", metavar="PLACE", help=f"Where to go: {PLACE}.")],
-    exact: Annotated[
-        bool, typer.Option("--exact", help="The shortest way of all, not that by the middles of doorways.")
-    ] = False,
     resolution_m: Resolution = None,
     robot_radius_m: RobotRadius = None,
     as_json: AsJson = False,
@@ -31,14 +28,14 @@ def route(
 
     console = Console(as_json, quiet)
     regions = regions_of(console, source, resolution_m, robot_radius_m)
-    found = Routes(regions).between(start, goal, exact=exact)
-    console.result(_document(found, exact), lambda: _print(found, (start, goal)))
+    found = Routes(regions).between(start, goal, exact=True)
+    console.result(_document(found), lambda: _print(found, (start, goal)))
 
 
-def _document(found: "Route", exact: bool) -> dict[str, Any]:
+def _document(found: "Route") -> dict[str, Any]:
     return {
         "regions": list(found.regions), "doors": list(found.doors), "steps": found.steps, "length_m": found.length_m,
-        "exact": exact, "path": found.path.tolist(),
+        "path": found.path.tolist(),
     }  # fmt: skip
 
 

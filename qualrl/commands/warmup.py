@@ -1,27 +1,37 @@
-"""``qualrl warmup``: compile all loops once, so that nothing waits for it later."""
+"""``qualrl warmup``: compile the loops once, so that nothing waits for it later."""
 
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import product
+from typing import Annotated
+
+import typer
 
 from qualrl.commands.console import Console, guarded
 from qualrl.commands.options import AsJson, Debug, Quiet
 
-MAPS = ("puzzle", "slam")
-"""A drawing of few cells, and a scan: their regions are found in different ways."""
 EPISODES, STEPS = 2, 50
+COMPILED = dict[str, float]
+"""CPU seconds of each part."""
 
 
 @guarded
-def warmup(as_json: AsJson = False, quiet: Quiet = False, debug: Debug = False) -> None:
-    """Compile every loop, about a minute once after installing: later calls load what was compiled from a cache."""
-    import time
+def warmup(
+    everything: Annotated[
+        bool, typer.Option("--all", help="Also for eight directions and for learning rates that fall.")
+    ] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Compile the loops, about a minute once after installing: later calls load what was compiled from a cache.
 
+    They are those for four directions and a constant learning rate; other worlds compile theirs when first used.
+    """
     console = Console(as_json, quiet)
-    seconds = {}
-    for name, step in _steps():
-        begun = time.process_time()
-        with console.stage(f"compiling {name}"):
-            step()
-        seconds[name] = round(time.process_time() - begun, 2)
+    seconds: COMPILED = {}
+    _compile(console, everything, seconds)
 
     def for_people() -> None:
         for name, spent in seconds.items():
@@ -31,34 +41,44 @@ def warmup(as_json: AsJson = False, quiet: Quiet = False, debug: Debug = False) 
     console.result({"cpu_seconds": seconds}, for_people)
 
 
-def _steps() -> Iterator[tuple[str, Callable[[], object]]]:
-    """What compiles: maps, models and plans first, then each learner."""
+def _compile(console: Console, everything: bool, seconds: COMPILED) -> None:
+    """Go through maps, plans and every learner, in worlds as small as can be."""
     from qualrl.api import build, plan, train
     from qualrl.io.scenario import load_scenario
     from qualrl.learning.online import Online
     from qualrl.learning.rules import RULES
     from qualrl.planning.routes import Routes
-    from qualrl.spatial.region_map import RegionMap
     from qualrl.spatial.segmentation import segment
 
-    found: list[RegionMap] = []
-    for name in MAPS:
-        scenario = load_scenario(name)
-        yield f"map {name}", lambda scenario=scenario: found.append(scenario.regions())  # type: ignore[misc]
-    yield "robot's radius", lambda: segment(found[1].grid, radius_m=found[1].grid.resolution_m)
-    regions = found[0]
-    goal = regions.regions[0].centre
-    models = [build(regions, goal, slip=slip) for slip in (0.0, 0.1)]
-    far = regions.regions[-1].centre
-    for model, name in zip(models, ("exact values", "exact values under slip"), strict=True):
-        yield name, lambda model=model: plan(model, far)  # type: ignore[misc]
-    yield "ways on the map", lambda: [Routes(regions).between(goal, far, exact=exact) for exact in (False, True)]
+    @contextmanager
+    def part(name: str) -> Iterator[None]:
+        begun = time.process_time()
+        with console.stage(f"compiling {name}"):
+            yield
+        seconds[name] = round(time.process_time() - begun, 2)
+
+    with part("map of few cells"):
+        regions = load_scenario("puzzle").regions()
+    with part("map of a scanner"):
+        scanned = load_scenario("slam").regions()
+    with part("robot's radius"):
+        segment(scanned.grid, radius_m=scanned.grid.resolution_m)
+    goal, far = regions.regions[0].centre, regions.regions[-1].centre
+    worlds = [
+        build(regions, goal, start=far, slip=slip, directions=directions)
+        for directions in ((4, 8) if everything else (4,))
+        for slip in (0.0, 0.1)
+    ]
+    rates = (0.1, "1 / (k + 1)") if everything else (0.1,)
+    with part("exact values"):
+        for world in worlds:
+            plan(world)
+    with part("ways on the map"):
+        Routes(regions).between(far, goal)
+        Routes(regions).between(far, goal, exact=True)
     for name in RULES:
-        yield (
-            name,
-            lambda name=name: [  # type: ignore[misc]
-                train(model, name, episodes=EPISODES, max_steps=STEPS) for model in models
-            ],
-        )
-    fixed = build(regions, goal, start=far)
-    yield "map not known", lambda: train(fixed, online=Online(), episodes=EPISODES, max_steps=STEPS)
+        with part(name):
+            for world, alpha in product(worlds, rates):
+                train(world, name, episodes=EPISODES, max_steps=STEPS, alpha=alpha)
+    with part("map not known"):
+        train(worlds[0], online=Online(), episodes=EPISODES, max_steps=STEPS)

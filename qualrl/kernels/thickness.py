@@ -1,6 +1,6 @@
 """How thick free space is at each cell: the radius of the largest free disc that covers it.
 
-H, W: rows, columns.  Distances and radii are in cells.  Rows of cells are kept as bits too, 64 columns to a word.
+H, W: rows, columns.  Distances and radii are in cells.  Rows of cells are also kept as bits, 64 columns to a word.
 """
 
 import numpy as np
@@ -27,18 +27,6 @@ def round_squares(distance: Floats, top: int, bottom: int) -> None:
 
 
 @compiled
-def positive_bits(values: Floats, words: Words, top: int, bottom: int) -> None:
-    """Write to the words (H, W / 64 or one more) which values (H, W) are above 0, in the rows from top to bottom."""
-    width = values.shape[1]
-    for row in range(top, bottom):
-        for at in range(words.shape[1]):
-            word = np.uint64(0)
-            for column in range(64 * at, min(64 * at + 64, width)):
-                word |= np.uint64(values[row, column] > 0) << np.uint64(column & 63)
-            words[row, at] = word
-
-
-@compiled
 def local_thickness(
     distance: Floats, centres: Ints, thickness: Floats, unpainted: Words, top: int, bottom: int
 ) -> None:
@@ -46,7 +34,8 @@ def local_thickness(
 
     distance (H, W): from each cell to the nearest cell that is not free, 0 where not free.
     centres: flat indices of the discs' centres, the largest disc first (see ``disc_centres``).
-    thickness (H, W): 0 at first.  unpainted (see ``positive_bits``): the free cells that no disc has reached.
+    thickness (H, W): 0 at first.  unpainted (H, W / 64 or one
+    more): a bit for each free cell that no disc has reached, the lowest of a word for its first column.
     Discs are painted from large to small and each cell once; rows that are painted already cost a word or two.
     """
     height, width = distance.shape

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
+from qualrl.kernels.labels import boxes
 from qualrl.report.lettering import SMALLEST_PX, Lettering
 from qualrl.report.sheet import Sheet
 from qualrl.spatial.region_map import Region, RegionMap
@@ -111,15 +111,16 @@ def place_names(regions: RegionMap, room: Room, letters: Lettering) -> dict[int,
     A name that does not fit is set smaller, in two lines or upright, then shortened (see ``short_names``),
     then left out.
     """
-    boxes = ndimage.find_objects(room.label + 1)
+    ends = boxes(room.label, len(regions.regions)).tolist()
     area = np.bincount(room.label[room.label >= 0].ravel(), minlength=len(regions.regions))
     short = short_names(regions.regions)
-    order = sorted(range(len(boxes)), key=lambda at: (regions.regions[at].kind == "pocket", -area[at], at))
+    order = sorted(range(len(ends)), key=lambda at: (regions.regions[at].kind == "pocket", -area[at], at))
     placed: dict[int, Lettered] = {}
     for index in order:
-        box = boxes[index]
-        if box is None or area[index] < SMALLEST_PX**2 or len(placed) == MOST_NAMES:
+        if area[index] < SMALLEST_PX**2 or len(placed) == MOST_NAMES:
             continue
+        top, bottom, left, right = ends[index]
+        box = slice(top, bottom), slice(left, right)
         region = regions.regions[index]
         texts = [region.name] if letters.can_write(region.name) else []
         if region.kind != "pocket" and (not texts or len(short[index]) < len(region.name)):

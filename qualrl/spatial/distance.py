@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels.bands import in_bands
-from qualrl.kernels.thickness import disc_centres, local_thickness, positive_bits, round_squares
+from qualrl.kernels.thickness import disc_centres, local_thickness, round_squares
 
 
 def distance_within(free: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -27,12 +27,8 @@ def thickness_over(distance: NDArray[np.float32]) -> NDArray[np.float32]:
     """(H, W) radius of the largest free disc over each cell, from the distances to what is not free, in cells."""
     centres = np.concatenate(in_bands(partial(disc_centres, distance), distance.shape))
     largest_first = centres[np.argsort(-distance.ravel()[centres], kind="stable")]
-    unpainted = np.empty((distance.shape[0], -(-distance.shape[1] // 64)), np.uint64)
+    bits = np.packbits(distance > 0, axis=1, bitorder="little")
+    unpainted = np.pad(bits, ((0, 0), (0, -bits.shape[1] % 8))).view("<u8").astype(np.uint64, copy=False)
     thickness = np.zeros(distance.shape, np.float32)
-
-    def paint(top: int, bottom: int) -> None:
-        positive_bits(distance, unpainted, top, bottom)
-        local_thickness(distance, largest_first, thickness, unpainted, top, bottom)
-
-    in_bands(paint, distance.shape)
+    in_bands(partial(local_thickness, distance, largest_first, thickness, unpainted), distance.shape)
     return thickness

@@ -54,7 +54,7 @@ def measured(path: str, rounds: int) -> dict[str, float]:
         spent = {"whole": time.perf_counter() - begun, "segment": cut - read, "cpu": time.process_time() - cpu}
         best = {name: min(best[name], spent[name]) for name in best}
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return best | {"mb": peak, "regions": len(regions.regions), "free": float(grid.free.sum())}
+    return best | {"mb": peak, "regions": len(regions.regions)}
 
 
 def alone(side: int) -> dict[str, float]:
