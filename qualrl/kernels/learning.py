@@ -21,9 +21,9 @@ from qualrl.kernels.stepping import (
     draw,
     ended,
     greedy,
+    happened,
     largest,
     left_off,
-    moved_on,
     next_rate,
     rate_at,
     resumed,
@@ -155,53 +155,56 @@ def run_steps(
                 if upper.counter == COUNT_EPISODE:
                     eta_steps = 0
         row = s * uint64(n_actions)
-        u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
-        at = s
-        if policy is None:
-            a = below(u, n_actions) if (u >> uint64(32)) < explore else greedy(q, row, n_actions, u)
-            at = row + a
-        if policy is not None:
-            a = below(u, n_actions)
-            if (u >> uint64(32)) >= explore and policy[s] >= 0:
-                a = uint64(policy[s])
-        if visits is not None:
-            alpha = next_rate(visits, at)
-        s2, over, reward, r0, r1, r2, r3 = moved_on(grid, slip, table, s, a, n_actions, r0, r1, r2, r3)
-        target = reward
-        if not over:
+        until, over = min(max_steps, t + n_steps - done), False
+        done -= t
+        while not over and t < until:  # one test a step: what else ends a step is met outside
+            u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
+            at = s
             if policy is None:
-                target += gamma * largest(q, s2 * uint64(n_actions), n_actions)
+                a = below(u, n_actions) if (u >> uint64(32)) < explore else greedy(q, row, n_actions, u)
+                at = row + a
             if policy is not None:
-                target += gamma * q[s2]
-        q[at] += alpha * (target - q[at])
-        total += reward
-        t += 1
-        done += 1
-        if upper is not None:
-            at_home = landmark >= 0 and upper.landmark_of[s] == landmark
-            if at_home and (left_at < 0 or not upper.whole_stay):
-                left_at, left_by, macro_return, macro_discount = int64(s), int64(a), 0.0, 1.0
-            macro_return += macro_discount * reward
-            macro_discount *= gamma
-            here = upper.landmark_of[s2]
-            if here >= 0 and here != landmark:
-                if landmark >= 0:
-                    eta_steps = _landmark_step(
-                        q,
-                        upper,
-                        gamma,
-                        landmark,
-                        here,
-                        left_at,
-                        left_by,
-                        n_actions,
-                        macro_return,
-                        macro_discount,
-                        over,
-                        eta_steps,
-                    )
-                landmark, left_at = here, -1
-        s = s2
+                a = below(u, n_actions)
+                if (u >> uint64(32)) >= explore and policy[s] >= 0:
+                    a = uint64(policy[s])
+            if visits is not None:
+                alpha = next_rate(visits, at)
+            s2, row2, over, reward, _, r0, r1, r2, r3 = happened(grid, slip, table, s, a, n_actions, r0, r1, r2, r3)
+            target = reward
+            if not over:
+                if policy is None:
+                    target += gamma * largest(q, row2, n_actions)
+                if policy is not None:
+                    target += gamma * q[s2]
+            q[at] += alpha * (target - q[at])
+            total += reward
+            t += 1
+            if upper is not None:
+                at_home = landmark >= 0 and upper.landmark_of[s] == landmark
+                if at_home and (left_at < 0 or not upper.whole_stay):
+                    left_at, left_by, macro_return, macro_discount = int64(s), int64(a), 0.0, 1.0
+                macro_return += macro_discount * reward
+                macro_discount *= gamma
+                here = upper.landmark_of[s2]
+                if here >= 0 and here != landmark:
+                    if landmark >= 0:
+                        eta_steps = _landmark_step(
+                            q,
+                            upper,
+                            gamma,
+                            landmark,
+                            here,
+                            left_at,
+                            left_by,
+                            n_actions,
+                            macro_return,
+                            macro_discount,
+                            over,
+                            eta_steps,
+                        )
+                    landmark, left_at = here, -1
+            s, row = s2, row2
+        done += t
         if over or t >= max_steps:
             t, episode = ended(progress, t, episode, total)
     left_off(progress, r0, r1, r2, r3, s, t, episode, total)

@@ -60,7 +60,7 @@ def run_planning(
             wanted = asked_for(grid, slip, table, seen, levels, gamma, value, s, by_chance, u, n_actions)
         if not by_chance:
             a = uint64(wanted) if wanted >= 0 else greedy(q, row, n_actions, u)
-        s2, over, reward, outcome, r0, r1, r2, r3 = happened(grid, slip, table, s, a, n_actions, r0, r1, r2, r3)
+        s2, _, over, reward, outcome, r0, r1, r2, r3 = happened(grid, slip, table, s, a, n_actions, r0, r1, r2, r3)
         differs, changed = remember(grid, slip, table, seen, row + a, outcome, s2, n_actions)
         if dyna is not None:
             tried = learn_dyna(seen, dyna, visits, rates, q, tried, row + a, s2, over, reward, n_actions)

@@ -29,8 +29,8 @@ LOG_STEP = np.log1p(1 / 1024)
 class Grid(NamedTuple):
     """A grid world without matrices."""
 
-    successor: NDArray[np.uint32]
-    """(S * A,) where each move leads; a blocked move leads back to s."""
+    next_row: NDArray[np.uint32]
+    """(S * A,) A times the state that each move leads to, which is where its values begin; a blocked one leads back."""
     step_reward: Floats
     """(A,) reward of a move that does not reach the goal."""
     goal: int
@@ -188,7 +188,8 @@ def entry_of(table: Any, row: Any, u: Any) -> Any:
 def happened(
     grid: Any, slip: Any, table: Any, s: Any, a: Any, n_actions: Any, r0: Any, r1: Any, r2: Any, r3: Any
 ) -> Any:
-    """One step of the world: (next state, whether the episode is over, reward, the outcome's number, the stream).
+    """One step of the world: (next state, A times it, whether the episode is over, reward, the outcome's number, the
+    stream).
 
     grid: Grid, or None when table: Table is given.  slip: float, or None for moves that never fail.
     Outcomes are numbered over all rows: row * A + move where moves slip, the entry in a table, else the row.
@@ -201,16 +202,18 @@ def happened(
             u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
             moved = slipped(a, slip, n_actions, u)
             outcome = (row + a) * uint64(n_actions) + moved
-        s2 = uint64(grid.successor[row + moved])
-        over = s2 == uint64(grid.goal)
+        row2 = uint64(grid.next_row[row + moved])
+        s2 = row2 // uint64(n_actions)
+        over = row2 == uint64(grid.goal) * uint64(n_actions)
         reward = grid.goal_reward if over else grid.step_reward[moved]
     if table is not None:
         u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
         outcome = uint64(entry_of(table, row + a, u))
         s2 = uint64(table.target[outcome])
+        row2 = s2 * uint64(n_actions)
         over = table.terminal[s2]
         reward = table.reward[outcome]
-    return s2, over, reward, outcome, r0, r1, r2, r3
+    return s2, row2, over, reward, outcome, r0, r1, r2, r3
 
 
 @compiled_part
@@ -218,7 +221,7 @@ def moved_on(
     grid: Any, slip: Any, table: Any, s: Any, a: Any, n_actions: Any, r0: Any, r1: Any, r2: Any, r3: Any
 ) -> Any:
     """One step of the world: (next state, whether the episode is over, reward, the stream)."""
-    s2, over, reward, _, r0, r1, r2, r3 = happened(grid, slip, table, s, a, n_actions, r0, r1, r2, r3)
+    s2, _, over, reward, _, r0, r1, r2, r3 = happened(grid, slip, table, s, a, n_actions, r0, r1, r2, r3)
     return s2, over, reward, r0, r1, r2, r3
 
 

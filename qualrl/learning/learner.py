@@ -70,11 +70,11 @@ KernelWorld = tuple[stepping.Grid | None, float | None, stepping.Table | None]
 def kernel_world(model: HybridMDP) -> KernelWorld:
     """What the compiled loops need of a world: (grid, slip, None) or (None, None, table).
 
-    The grid's successors are a copy of its own, for ``rewire`` to change.
+    Where the grid's moves lead is its own, for ``rewire`` to change.
     """
     world = model.world
     if isinstance(world, GridWorld):
-        grid = stepping.Grid(world.successor.flatten(), world.move_reward, world.goal, float(world.goal_reward))
+        grid = stepping.Grid(_next_row(world), world.move_reward, world.goal, float(world.goal_reward))
         return grid, world.slip or None, None
     table = stepping.Table(world.row_start, world.target, world.cumulative, world.reward, world.terminal)
     return None, None, table
@@ -84,7 +84,11 @@ def rewire(kernels: KernelWorld, world: GridWorld) -> None:
     """Let moves lead where they do in another world of the same states."""
     grid = kernels[0]
     assert grid is not None
-    grid.successor[:] = world.successor.ravel()
+    grid.next_row[:] = _next_row(world)
+
+
+def _next_row(world: GridWorld) -> NDArray[np.uint32]:
+    return world.successor.ravel() * np.uint32(world.n_actions)
 
 
 def until(progress: stepping.Progress, episode: int) -> stepping.Progress:

@@ -113,13 +113,13 @@ def experience(model: HybridMDP, world: KernelWorld, shift: float) -> Experience
         targets, reward, goal_reward = table.target, table.reward + added, 0.0
     else:
         assert grid is not None
-        targets = _targets(grid.successor.reshape(len(model), -1), several)
+        targets = _targets(model.grid.successor, several)
         reward, goal_reward = grid.step_reward + added, grid.goal_reward + added
     reward[np.abs(reward) <= NOTHING * added] = 0.0  # what is worth 0 must not grow out of a rounding error
     before_start, before = _before(model, [targets])
     return Experience(
         np.zeros(n_rows, np.uint32), np.zeros(len(targets) if several else 1, np.uint32), reward, goal_reward,
-        np.zeros(1, np.uint32) if grid is None else grid.successor.copy(), before_start, before, row_of,
+        np.zeros(1, np.uint32) if grid is None else model.grid.successor.flatten(), before_start, before, row_of,
     )  # fmt: skip
 
 
