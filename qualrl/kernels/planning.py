@@ -52,29 +52,36 @@ def run_planning(
             s, r0, r1, r2, r3 = started(starts, r0, r1, r2, r3)
             total = 0.0
         row = s * uint64(n_actions)
-        u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
-        by_chance = (u >> uint64(32)) < explored
-        a = below(u, n_actions)
-        wanted = -1
-        if levels is not None:
-            wanted = asked_for(grid, slip, table, seen, levels, gamma, value, s, by_chance, u, n_actions)
-        if not by_chance:
-            a = uint64(wanted) if wanted >= 0 else greedy(q, row, n_actions, u)
-        s2, _, over, reward, outcome, r0, r1, r2, r3 = happened(grid, slip, table, s, a, n_actions, r0, r1, r2, r3)
-        differs, changed = remember(grid, slip, table, seen, row + a, outcome, s2, n_actions)
-        if dyna is not None:
-            tried = learn_dyna(seen, dyna, visits, rates, q, tried, row + a, s2, over, reward, n_actions)
-            r0, r1, r2, r3 = imagine(grid, slip, table, seen, dyna, visits, rates, q, tried, n_actions, r0, r1, r2, r3)
-        if heap is not None:
-            size = learn_by_sweeping(grid, slip, table, seen, heap, gamma, q, value, size, s, row + a, a, n_actions)
-        if levels is not None:
-            note_move(levels, s, a, s2, n_actions)
-            last = over or t + 1 >= max_steps
-            take_in(grid, slip, table, seen, levels, gamma, q, value, s, a, s2, last, differs, changed, n_actions)
-        total += reward
-        t += 1
-        done += 1
-        s = s2
+        until, over = min(max_steps, t + n_steps - done), False
+        done -= t
+        while not over and t < until:
+            u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
+            by_chance = (u >> uint64(32)) < explored
+            a = below(u, n_actions)
+            wanted = -1
+            if levels is not None:
+                wanted = asked_for(grid, slip, table, seen, levels, gamma, value, s, by_chance, u, n_actions)
+            if not by_chance:
+                a = uint64(wanted) if wanted >= 0 else greedy(q, row, n_actions, u)
+            s2, row2, over, reward, outcome, r0, r1, r2, r3 = happened(
+                grid, slip, table, s, a, n_actions, r0, r1, r2, r3
+            )
+            differs, changed = remember(grid, slip, table, seen, row + a, outcome, s2, n_actions)
+            if dyna is not None:
+                tried = learn_dyna(seen, dyna, visits, rates, q, tried, row + a, s2, over, reward, n_actions)
+                r0, r1, r2, r3 = imagine(
+                    grid, slip, table, seen, dyna, visits, rates, q, tried, n_actions, r0, r1, r2, r3
+                )
+            if heap is not None:
+                size = learn_by_sweeping(grid, slip, table, seen, heap, gamma, q, value, size, s, row + a, a, n_actions)
+            if levels is not None:
+                note_move(levels, s, a, s2, n_actions)
+                last = over or t + 1 >= max_steps
+                take_in(grid, slip, table, seen, levels, gamma, q, value, s, a, s2, last, differs, changed, n_actions)
+            total += reward
+            t += 1
+            s, row = s2, row2
+        done += t
         if over or t >= max_steps:
             t, episode = ended(progress, t, episode, total)
     left_off(progress, r0, r1, r2, r3, s, t, episode, total)

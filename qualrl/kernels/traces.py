@@ -22,9 +22,9 @@ from qualrl.kernels.stepping import (
     draw,
     ended,
     greedy,
+    happened,
     largest,
     left_off,
-    moved_on,
     next_rate,
     resumed,
     started,
@@ -112,45 +112,48 @@ def run_ahead(
             a = below(u, n_actions) if (u >> uint64(32)) < explore else greedy(q, s * uint64(n_actions), n_actions, u)
             total, owed, fade = 0.0, 0.0, 1.0
         row = s * uint64(n_actions) + a
-        if visits is not None:
-            alpha = next_rate(visits, row)
-        if trace is not None:
-            _give(q, trace, row, owed)
-            if trace.weight[row] == 0.0:
-                trace.rows[size] = row
-                size += 1
-            trace.weight[row] = alpha / fade
-            trace.given[row] = owed
-        s2, over, reward, r0, r1, r2, r3 = moved_on(grid, slip, table, s, a, n_actions, r0, r1, r2, r3)
-        error = reward - q[row]
-        on_course = False
-        t += 1
-        if not over:
-            next_row = s2 * uint64(n_actions)
+        until, over = min(rates.max_steps, t + n_steps - done), False
+        done -= t
+        while not over and t < until:
+            if visits is not None:
+                alpha = next_rate(visits, row)
             if trace is not None:
-                for b in range(n_actions):
-                    _give(q, trace, next_row + uint64(b), owed)
-                error = reward - q[row]  # which may be one of them
-            u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
-            a = below(u, n_actions) if (u >> uint64(32)) < explore else greedy(q, next_row, n_actions, u)
-            best = largest(q, next_row, n_actions)
-            on_course = t < rates.max_steps
-            if on_policy is not None:
-                error += gamma * q[next_row + a]
-            if on_policy is None:
-                error += gamma * best
-                on_course = on_course and q[next_row + a] == best
-        if trace is None:
-            q[row] += alpha * error
-        if trace is not None:
-            owed += error * fade
-            fade *= trace.decay
-            if not on_course or fade < FADED:
-                size = _start_anew(q, trace, size, owed, fade if on_course else 0.0)
-                owed, fade = 0.0, 1.0
-        total += reward
-        done += 1
-        s = s2
+                _give(q, trace, row, owed)
+                if trace.weight[row] == 0.0:
+                    trace.rows[size] = row
+                    size += 1
+                trace.weight[row] = alpha / fade
+                trace.given[row] = owed
+            s2, next_row, over, reward, _, r0, r1, r2, r3 = happened(grid, slip, table, s, a, n_actions, r0, r1, r2, r3)
+            error = reward - q[row]
+            on_course = False
+            t += 1
+            if not over:
+                if trace is not None:
+                    for b in range(n_actions):
+                        _give(q, trace, next_row + uint64(b), owed)
+                    error = reward - q[row]  # which may be one of them
+                u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
+                a = below(u, n_actions) if (u >> uint64(32)) < explore else greedy(q, next_row, n_actions, u)
+                best = largest(q, next_row, n_actions)
+                on_course = t < rates.max_steps
+                if on_policy is not None:
+                    error += gamma * q[next_row + a]
+                if on_policy is None:
+                    error += gamma * best
+                    on_course = on_course and q[next_row + a] == best
+            if trace is None:
+                q[row] += alpha * error
+            if trace is not None:
+                owed += error * fade
+                fade *= trace.decay
+                if not on_course or fade < FADED:
+                    size = _start_anew(q, trace, size, owed, fade if on_course else 0.0)
+                    owed, fade = 0.0, 1.0
+            total += reward
+            s = s2
+            row = next_row + a
+        done += t
         if over or t >= rates.max_steps:
             t, episode = ended(progress, t, episode, total)
     left_off(progress, r0, r1, r2, r3, s, t, episode, total)
