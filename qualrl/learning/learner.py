@@ -14,6 +14,7 @@ from qualrl.kernels import stepping
 from qualrl.learning.schedule import schedule_of
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.models.once import once
 
 NO_LIMIT = 2**62
 
@@ -67,24 +68,22 @@ class Exploring(Learner, Protocol):
 KernelWorld = tuple[stepping.Grid | None, float | None, stepping.Table | None]
 
 
+@once
 def kernel_world(model: HybridMDP) -> KernelWorld:
-    """What the compiled loops need of a world: (grid, slip, None) or (None, None, table).
-
-    The grid's successors are a copy of its own, for ``rewire`` to change.
-    """
+    """What the compiled loops need of a world: (grid, slip, None) or (None, None, table)."""
     world = model.world
     if isinstance(world, GridWorld):
-        grid = stepping.Grid(world.successor.flatten(), world.move_reward, world.goal, float(world.goal_reward))
+        grid = stepping.Grid(world.successor.ravel(), world.move_reward, world.goal, float(world.goal_reward))
         return grid, world.slip or None, None
     table = stepping.Table(world.row_start, world.target, world.cumulative, world.reward, world.terminal)
     return None, None, table
 
 
-def rewire(kernels: KernelWorld, world: GridWorld) -> None:
-    """Let moves lead where they do in another world of the same states."""
-    grid = kernels[0]
+def rewired(kernels: KernelWorld, world: GridWorld) -> KernelWorld:
+    """The same with moves that lead where they do in another world of the same states."""
+    grid, slip, table = kernels
     assert grid is not None
-    grid.successor[:] = world.successor.ravel()
+    return grid._replace(successor=world.successor.ravel()), slip, table
 
 
 def until(progress: stepping.Progress, episode: int) -> stepping.Progress:
