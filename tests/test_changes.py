@@ -284,3 +284,14 @@ def test_the_command_tells_how_a_change_was_got_over(tmp_path):
     assert err == (
         "qualrl: ways.scenario.yaml: changes[0]: after must be from 1 to 89, as there are 90 episodes, got 100\n"
     )
+
+
+@pytest.mark.parametrize("algorithm", ["q-learning", "sarsa", "hql-replay"])
+def test_doors_that_close_for_one_run_are_open_for_the_next(algorithm):
+    model = two_ways()
+    before = train_verb(model, algorithm, episodes=30)
+    changed = train_verb(model, algorithm, episodes=30, changes=[Change(2, "door 1")])
+    after = train_verb(model, algorithm, episodes=30)
+    assert (changed.steps != before.steps).any()
+    np.testing.assert_array_equal(before.steps, after.steps)
+    np.testing.assert_array_equal(before.q, after.q)

@@ -1,6 +1,8 @@
 """Many runs over threads are the same runs one by one; one that fails stops the others."""
 
+import gc
 import time
+import weakref
 
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ import pytest
 import qualrl
 from qualrl.errors import SettingError, UnknownNameError
 from qualrl.learning.many import over_threads
+from qualrl.models.once import once
 from tests.worlds import PUZZLE, grid_of
 
 
@@ -58,3 +61,41 @@ def test_a_run_that_fails_stops_the_others(puzzle):
     with pytest.raises(ValueError, match="seed 1"):
         over_threads(one, range(20), threads=2)
     assert time.monotonic() - begun < 10
+
+
+def test_ctrl_c_stops_the_others(puzzle):
+    def one(seed, stops):
+        qualrl.train(puzzle, "q-learning", seed=seed, watch=stops, episodes=10_000_000 if seed else 1)
+
+    def told(_):
+        raise KeyboardInterrupt
+
+    begun = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        over_threads(one, range(20), threads=2, told=told)
+    assert time.monotonic() - begun < 10
+
+
+def test_what_depends_on_the_model_is_made_once_and_goes_with_it():
+    made = []
+
+    @once
+    def slowly(model, number):
+        made.append(number)
+        time.sleep(0.05)
+        if number == 13:
+            raise ValueError("13")
+        return [number]
+
+    model = qualrl.build(qualrl.segment(grid_of(PUZZLE)), [6, 6])
+    found = over_threads(lambda number, _: slowly(model, number), [1, 2, 1, 1, 2, 1], threads=3)
+    assert found == [[1], [2], [1], [1], [2], [1]]
+    assert sorted(made) == [1, 2]
+    assert found[0] is found[2]
+    for _ in range(2):
+        with pytest.raises(ValueError, match="13"):
+            slowly(model, 13)
+    assert made.count(13) == 2
+    result, model = weakref.ref(model), None
+    gc.collect()
+    assert result() is None

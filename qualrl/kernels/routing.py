@@ -29,14 +29,18 @@ class Gates(NamedTuple):
     """(N,) the same doorway from the other side."""
     row: NDArray[np.int64]
     """(N,) where the steps from a gate to all gates of its region begin in a list of them all."""
+    cells: Ints
+    """All cells of the doorways, gate after gate, on the region's side."""
+    cell_first: NDArray[np.int64]
+    """(N + 1,) those of gate n are cell_first[n] .. cell_first[n + 1]."""
 
 
 @compiled
 def walk(
-    label: Ints, allowed: Flags, source: int, targets: Ints, most: int, seen: Ints, base: int, queue: Ints,
+    label: Ints, allowed: Flags, sources: Ints, targets: Ints, most: int, seen: Ints, base: int, queue: Ints,
     wanted: Flags,
 ) -> int:  # fmt: skip
-    """Reach out from a cell over the regions allowed (R,) until all targets are reached, or nothing is left.
+    """Reach out from cells, no two alike, over the regions allowed (R,) until all targets are reached, or no more is.
 
     most: cells from which even the straight way to the first target would make the whole longer are left out.
     queue, wanted (H * W,): scratch; wanted is all False before and after.
@@ -45,11 +49,12 @@ def walk(
     height, width = label.shape
     for target in targets:
         wanted[target] = True
-    missing = 0
-    for target in targets:
-        missing += 1 if target != source else 0
-    seen[source], queue[0] = base, source
-    head, end, steps = 0, 1, 0
+    missing = targets.size
+    head, end, steps = 0, 0, 0
+    for source in sources:
+        seen[source], queue[end] = base, source
+        end += 1
+        missing -= 1 if wanted[source] else 0
     to_row, to_column = 0, 0
     if targets.size:
         to_row, to_column = targets[0] // width, targets[0] % width
@@ -134,40 +139,43 @@ def way_back(label: Ints, seen: Ints, base: int, start: int) -> Ints:
 
 
 @compiled
-def through_gates(gates: Gates, steps: Ints, leave: Ints, arrive: Ints, start: int, goal: int, most: int) -> Any:
-    """(steps, regions on the way) of the shortest way from a region to another through gates, if it is below ``most``.
+def over_gates(
+    gates: Gates, steps: Ints, start: int, leave: Ints, goal: int, arrive: Ints, beyond: Ints, most: int
+) -> Any:  # fmt: skip
+    """The way from a region to another through gates that is shortest and takes less than ``most`` steps.
 
     steps: between the gates of a region, see ``Gates.row``; leave, arrive: from the start to the gates of its region,
-    and from those of the goal's region to the goal; -1 where there is no way.  Otherwise: (most, no regions).
+    and from those of the goal's region to the goal; -1 where there is no way.  beyond (N,): at least so many steps
+    remain from each gate on, by which the search is led.
+    Returns (its steps, or most; the last gate by which it leaves a region, or -1; away (N,) steps from the start to
+    each gate within its region, or most for those not met on the search; before (N,) the gate left by before, or -1).
     """
     away = np.full(gates.cell.size, most, np.int64)
     before = np.full(gates.cell.size, -1, np.int32)
     heap = [(np.int64(most), np.int32(0))]
     for out in range(gates.first[start], gates.first[start + 1]):
-        if leave[out - gates.first[start]] >= 0:
-            away[out] = leave[out - gates.first[start]]
-            heapq.heappush(heap, (away[out], np.int32(out)))
+        there = leave[out - gates.first[start]]
+        if there >= 0 and there + beyond[out] < most:
+            away[out] = there
+            heapq.heappush(heap, (away[out] + beyond[out], np.int32(out)))
     last, best = -1, most
     while heap:
-        steps_here, gate = heapq.heappop(heap)
-        if steps_here >= best:
+        whole, gate = heapq.heappop(heap)
+        if whole >= best:
             break
-        if steps_here > away[gate]:
+        if whole > away[gate] + beyond[gate]:
             continue
         inside = gates.partner[gate]
+        here = away[gate] + 1
         region = gates.region[inside]
         first = gates.first[region]
-        if region == goal and arrive[inside - first] >= 0 and steps_here + 1 + arrive[inside - first] < best:
-            last, best = int(gate), steps_here + 1 + arrive[inside - first]
+        if region == goal and arrive[inside - first] >= 0 and here + arrive[inside - first] < best:
+            last, best = int(gate), here + arrive[inside - first]
+        row = gates.row[inside] - first
         for other in range(first, gates.first[region + 1]):
-            between = steps[gates.row[inside] + other - first]
-            if between >= 0 and steps_here + 1 + between < away[other]:
-                away[other], before[other] = steps_here + 1 + between, gate
-                heapq.heappush(heap, (away[other], np.int32(other)))
-    regions = np.empty(gates.cell.size + 1, np.int32)
-    count = 0
-    while last >= 0:
-        regions[count], regions[count + 1] = gates.region[gates.partner[last]], gates.region[last]
-        count += 1
-        last = before[last]
-    return best, regions[: count + 1 if count else 0]
+            between = steps[row + other]
+            there = here + between
+            if between >= 0 and there < away[other] and there + beyond[other] < best:
+                away[other], before[other] = there, gate
+                heapq.heappush(heap, (there + beyond[other], np.int32(other)))
+    return best, last, away, before

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from qualrl.kernels import stepping
 from qualrl.kernels import traces as kernel
-from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world, rewire, visits_of
+from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world, rewired, visits_of
 from qualrl.learning.rules import LearningRule
 from qualrl.learning.settings import LearnSettings
 from qualrl.models.grid_world import GridWorld
@@ -40,7 +40,7 @@ class AheadLearner:
 
     def change_world(self, world: GridWorld) -> None:
         """See Adaptive."""
-        rewire(self._world, world)
+        self._world = rewired(self._world, world)
 
     def change_levels(self, model: HybridMDP) -> None:
         """See Exploring.  There is no such level here."""

@@ -49,6 +49,7 @@ from qualrl.learning.rules import Hierarchy, LearningRule
 from qualrl.learning.settings import LearnSettings
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.models.landmark_ways import LandmarkWays
+from qualrl.models.once import once
 from qualrl.models.task_graph import TaskGraph, open_rows
 
 
@@ -66,18 +67,14 @@ class LandmarkLearner:
 
     def __init__(self, model: HybridMDP, rule: LearningRule, settings: LearnSettings, seed: int) -> None:
         self.model = model
-        self.ways = LandmarkWays.of(model)
+        self.ways = _ways(model)
         self.hierarchy = rule.hierarchy
         self.progress = fresh_progress(settings.episodes, seed)
         self._world = kernel_world(model)
         self._actions = (0,) * model.world.n_actions
-        blocks = self.hierarchy not in (Hierarchy.OPTION, Hierarchy.INTRA_OPTION)
-        self.first = _first(self.ways, blocks)
-        single = self.ways.helpless if self.hierarchy is Hierarchy.W else self.ways.stuck | settings.primitives
-        may = open_rows(self.ways, self.first, single, self.hierarchy is Hierarchy.MACHINE, blocks)
+        self.first, may, self.policy = _layout(model, self.hierarchy, settings.primitives)
         self.q = np.where(may, 0.0, -np.inf)
         self._visits, self._rates = _rates(model, settings, self.q.size)
-        self.policy = None if blocks else _policy(self.ways, self.first, may)
         self._rows = kernel.Rows(
             self.first, self.ways.kind_of, self.ways.option_start, self.ways.option, self.ways.position.ravel()
         )
@@ -194,9 +191,28 @@ class MaxqLearner:
             stack.append(child - graph.n_actions)
 
 
+@once
+def _ways(model: HybridMDP) -> LandmarkWays:
+    return LandmarkWays.of(model)
+
+
+@once
+def _layout(
+    model: HybridMDP, hierarchy: Hierarchy, primitives: bool
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.uint8] | None]:
+    """(S + 1,) where rows begin, (W,) which entries may be chosen, and (W,) the moves of options that have a policy."""
+    ways = _ways(model)
+    blocks = hierarchy not in (Hierarchy.OPTION, Hierarchy.INTRA_OPTION)
+    first = _first(ways, blocks)
+    single = ways.helpless if hierarchy is Hierarchy.W else ways.stuck | primitives
+    may = open_rows(ways, first, single, hierarchy is Hierarchy.MACHINE, blocks)
+    return first, may, None if blocks else _policy(ways, first, may)
+
+
+@once
 def landmark_tasks(model: HybridMDP, primitives: bool = False) -> TaskGraph:
     """The task graph of a model's landmarks; a task that fails is paid less than anything else could cost it."""
-    ways, failing = LandmarkWays.of(model), 0.0
+    ways, failing = _ways(model), 0.0
     lost = (ways.steps < 0) & ~np.repeat(ways.terminal, ways.options_of)
     if (ways.position < 0).any() or lost.any():  # otherwise no task can fail
         failing = worst_return(model) - max(model.world.reward_bounds[1], 0.0)

@@ -14,6 +14,7 @@ from qualrl.kernels import stepping
 from qualrl.learning.schedule import schedule_of
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.models.once import once
 
 NO_LIMIT = 2**62
 
@@ -67,11 +68,9 @@ class Exploring(Learner, Protocol):
 KernelWorld = tuple[stepping.Grid | None, float | None, stepping.Table | None]
 
 
+@once
 def kernel_world(model: HybridMDP) -> KernelWorld:
-    """What the compiled loops need of a world: (grid, slip, None) or (None, None, table).
-
-    Where the grid's moves lead is its own, for ``rewire`` to change.
-    """
+    """What the compiled loops need of a world: (grid, slip, None) or (None, None, table)."""
     world = model.world
     if isinstance(world, GridWorld):
         grid = stepping.Grid(_next_row(world), world.move_reward, world.goal, float(world.goal_reward))
@@ -80,11 +79,11 @@ def kernel_world(model: HybridMDP) -> KernelWorld:
     return None, None, table
 
 
-def rewire(kernels: KernelWorld, world: GridWorld) -> None:
-    """Let moves lead where they do in another world of the same states."""
-    grid = kernels[0]
+def rewired(kernels: KernelWorld, world: GridWorld) -> KernelWorld:
+    """The same with moves that lead where they do in another world of the same states."""
+    grid, slip, table = kernels
     assert grid is not None
-    grid.next_row[:] = _next_row(world)
+    return grid._replace(next_row=_next_row(world)), slip, table
 
 
 def _next_row(world: GridWorld) -> NDArray[np.uint32]:

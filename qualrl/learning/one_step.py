@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from qualrl.kernels import learning as kernel
 from qualrl.kernels import stepping
-from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world, rewire, visits_of
+from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world, rewired, visits_of
 from qualrl.learning.levels_anew import same_landmarks, upper_anew
 from qualrl.learning.policy import policy_actions
 from qualrl.learning.rules import LearningRule
@@ -41,7 +41,7 @@ class OneStepLearner:
 
     def change_world(self, world: GridWorld) -> None:
         """See Adaptive."""
-        rewire(self._world, world)
+        self._world = rewired(self._world, world)
 
     def change_levels(self, model: HybridMDP) -> None:
         """See Exploring.  A way begun at a landmark that is none any more is not learned from."""

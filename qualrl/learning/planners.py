@@ -26,12 +26,13 @@ from numpy.typing import NDArray
 from qualrl.kernels import dyna, replay, stepping, sweeping
 from qualrl.kernels.experience import Experience
 from qualrl.kernels.planning import run_planning
-from qualrl.learning.learner import NO_LIMIT, KernelWorld, Learned, fresh_progress, kernel_world, rewire, visits_of
+from qualrl.learning.learner import NO_LIMIT, KernelWorld, Learned, fresh_progress, kernel_world, rewired, visits_of
 from qualrl.learning.levels_anew import regions_anew
 from qualrl.learning.rules import LearningRule, Planner
 from qualrl.learning.settings import LearnSettings
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.models.once import once
 from qualrl.solving.exact import shift_of
 
 NOTHING = 1e-12
@@ -72,7 +73,7 @@ class PlanningLearner:
 
     def change_world(self, world: GridWorld) -> None:
         """See Adaptive.  What was seen stays; ``before`` is an index, which has to hold whatever may be seen."""
-        rewire(self._world, world)
+        self._world = rewired(self._world, world)
         self._successors.append(world.successor)
         start, before = _before(self.model, [_targets(found, world.slip > 0) for found in self._successors])
         self._seen = self._seen._replace(before_start=start, before=before)
@@ -110,15 +111,15 @@ def experience(model: HybridMDP, world: KernelWorld, shift: float) -> Experience
     row_of = np.zeros(1, np.uint32)
     if table is not None:
         row_of = np.repeat(np.arange(n_rows, dtype=np.uint32), np.diff(table.row_start))
-        targets, reward, goal_reward = table.target, table.reward + added, 0.0
+        n_outcomes, reward, goal_reward = len(table.target), table.reward + added, 0.0
     else:
         assert grid is not None
-        targets = _targets(model.grid.successor, several)
+        n_outcomes = n_rows * (model.world.n_actions if several else 1)
         reward, goal_reward = grid.step_reward + added, grid.goal_reward + added
     reward[np.abs(reward) <= NOTHING * added] = 0.0  # what is worth 0 must not grow out of a rounding error
-    before_start, before = _before(model, [targets])
+    before_start, before = _before_any_change(model)
     return Experience(
-        np.zeros(n_rows, np.uint32), np.zeros(len(targets) if several else 1, np.uint32), reward, goal_reward,
+        np.zeros(n_rows, np.uint32), np.zeros(n_outcomes if several else 1, np.uint32), reward, goal_reward,
         np.zeros(1, np.uint32) if grid is None else model.grid.successor.flatten(), before_start, before, row_of,
     )  # fmt: skip
 
@@ -126,6 +127,13 @@ def experience(model: HybridMDP, world: KernelWorld, shift: float) -> Experience
 def _targets(successor: NDArray[np.uint32], slips: bool) -> NDArray[np.uint32]:
     """(K,) where each outcome on a grid leads."""
     return np.repeat(successor, successor.shape[1], axis=0).ravel() if slips else successor.ravel()
+
+
+@once
+def _before_any_change(model: HybridMDP) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
+    """``_before`` of the world as it is at first."""
+    world = model.world
+    return _before(model, [_targets(world.successor, world.slip > 0) if isinstance(world, GridWorld) else world.target])
 
 
 def _before(model: HybridMDP, targets: list[NDArray[np.uint32]]) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
@@ -141,6 +149,7 @@ def _before(model: HybridMDP, targets: list[NDArray[np.uint32]]) -> tuple[NDArra
     return start, outcome.astype(np.uint32)
 
 
+@once
 def _terminal(model: HybridMDP) -> NDArray[np.bool_]:
     if isinstance(model.world, GridWorld):
         terminal = np.zeros(len(model), np.bool_)
@@ -158,22 +167,27 @@ def _heap(n_states: int, settings: LearnSettings) -> sweeping.Heap:
 
 def _levels(model: HybridMDP, settings: LearnSettings, shift: float) -> replay.Levels:
     n_states, n_regions = len(model), len(model.region_names)
-    ring_start = np.zeros(n_regions + 1, np.int64)
-    np.cumsum(np.bincount(model.region_of, minlength=n_regions), out=ring_start[1:])
     promise, best_step = _promises(model, shift)
     notes, budget = np.zeros(replay.NOTES, np.int64), np.zeros(replay.BUDGET)
     notes[replay.NEEDED] = notes[replay.PATIENCE] = 1
     budget[replay.LET_GO] = replay.TOLERANCE
     return replay.Levels(
         model.region_of, model.landmarks.landmark_of, relevant_regions(model), np.zeros(n_states, np.uint32),
-        ring_start, np.zeros(n_regions, np.int64), np.zeros(n_regions, np.int64), np.zeros(n_states, np.bool_),
-        np.zeros(n_regions), np.zeros(n_states, np.int64), np.zeros(n_states, np.int64),
+        _ring_start(model), np.zeros(n_regions, np.int64), np.zeros(n_regions, np.int64),
+        np.zeros(n_states, np.bool_), np.zeros(n_regions), np.zeros(n_states, np.int64), np.zeros(n_states, np.int64),
         np.zeros(n_states, np.uint32), np.zeros(n_states, np.uint32), np.zeros(n_states, np.uint32),
         np.zeros(model.world.n_actions**2, np.int64), notes, budget,
         promise, best_step, settings.tries, settings.planning_steps,
     )  # fmt: skip
 
 
+@once
+def _ring_start(model: HybridMDP) -> NDArray[np.int64]:
+    """(R + 1,) where the states of each region begin in a list of all by region."""
+    return np.concatenate([[0], np.cumsum(np.bincount(model.region_of, minlength=len(model.region_names)))])
+
+
+@once
 def _promises(model: HybridMDP, shift: float) -> tuple[float, float]:
     """(the most an action can be worth, the largest reward of a step on the way), both shifted.
 
@@ -193,6 +207,7 @@ def _promises(model: HybridMDP, shift: float) -> tuple[float, float]:
     return most + shift, 0.0 if abs(best_step) <= NOTHING * added else best_step
 
 
+@once
 def relevant_regions(model: HybridMDP) -> NDArray[np.bool_]:
     """(R,) regions that a way from the start to the goal may pass without going through any doorway twice.
 

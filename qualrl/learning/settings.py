@@ -1,6 +1,7 @@
 """The numbers of a learning run, checked once."""
 
 from dataclasses import dataclass, fields
+from functools import lru_cache
 
 from qualrl.errors import SettingError
 from qualrl.learning.schedule import schedule_of
@@ -96,12 +97,7 @@ class LearnSettings:
 
     def eta_weights(self) -> list[float]:
         """eta_n = eta_0 ** (m ** n) for n = 0, 1, ... until it is 0 in float64, or MOST_WEIGHTS of them."""
-        weights: list[float] = []
-        exponent = 1.0
-        while len(weights) < MOST_WEIGHTS and (weight := self.eta0**exponent) > 0:
-            weights.append(weight)
-            exponent *= self.eta_power
-        return weights
+        return list(_falling(self.eta0, self.eta_power))
 
     def _check(self, name: str, good: bool, must: str) -> None:
         if not good:
@@ -111,3 +107,13 @@ class LearnSettings:
 def setting_names() -> tuple[str, ...]:
     """Names of all settings."""
     return tuple(field.name for field in fields(LearnSettings))
+
+
+@lru_cache(maxsize=64)
+def _falling(first: float, power: float) -> tuple[float, ...]:
+    weights: list[float] = []
+    exponent = 1.0
+    while len(weights) < MOST_WEIGHTS and (weight := first**exponent) > 0:
+        weights.append(weight)
+        exponent *= power
+    return tuple(weights)

@@ -98,7 +98,7 @@ def train(
     """
     begun = time.perf_counter()
     learner = start_learner(model, algorithm, settings, seed)
-    events = world_changes(model, changes, settings.episodes)
+    events = world_changes(model, changes, settings.episodes) if changes else ()
     runner = Runner(learner, watch)
     for event in events:
         if not isinstance(learner, Adaptive):

@@ -6,6 +6,7 @@ one entry in each state in which the task lives; states of one kind have the sam
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import networkx as nx
 import numpy as np
@@ -60,21 +61,22 @@ class TaskGraph:
     def __len__(self) -> int:
         return len(self.names)
 
-    @property
+    @cached_property
     def has_pseudo_rewards(self) -> bool:
         """Whether some task goes by more than the world's rewards."""
         return bool(self.pseudo_otherwise.any()) or any(any(listed.values()) for listed in self.pseudo)
 
-    @property
+    @cached_property
     def depth(self) -> int:
         """Most calls that can be open at once, the root's included."""
-        called = {(task, child - self.n_actions) for task, child in self._calls() if child >= self.n_actions}
+        called = {(task, child - self.n_actions) for task, child in self._calls if child >= self.n_actions}
         depth = dict.fromkeys(range(len(self)), 1)
         for _ in range(len(self)):
             for task, below in called:
                 depth[task] = max(depth[task], depth[below] + 1)
         return depth[0]
 
+    @cached_property
     def _calls(self) -> set[tuple[int, int]]:
         return {
             (task, int(child))
@@ -85,11 +87,11 @@ class TaskGraph:
             ]
         }
 
-    @property
+    @cached_property
     def simple(self) -> NDArray[np.bool_]:
         """(T,) whether a task calls moves only."""
         found = np.ones(len(self), np.bool_)
-        found[[task for task, child in self._calls() if child >= self.n_actions]] = False
+        found[[task for task, child in self._calls if child >= self.n_actions]] = False
         return found
 
     def bottom_up(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
@@ -97,7 +99,7 @@ class TaskGraph:
 
         Each comes after all that it calls.
         """
-        below = nx.DiGraph((child - self.n_actions, task) for task, child in self._calls() if child >= self.n_actions)
+        below = nx.DiGraph((child - self.n_actions, task) for task, child in self._calls if child >= self.n_actions)
         below.add_nodes_from(range(len(self)))
         order = [task for task in nx.topological_sort(below) if task > 0]
         lives = (self.end > self.begin)[:, order]

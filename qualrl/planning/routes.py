@@ -1,20 +1,22 @@
 """Ways between any two places of a map, many times: first which regions to go through, then the cells.
 
-A walk between the gates of each region is measured once.  A question then costs a search over the doorways, and one
-over the cells of the regions on the way, not over the whole map.
+The walks between the gates of each region are measured once.  A question then costs walks over the regions of its two
+ends, a search over the doorways (``gate_graph`` says why what comes out is not much longer than the shortest way), and
+a walk over the cells of the regions on the way, not over the whole map.
 """
 
 from dataclasses import dataclass
 from threading import Lock
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from qualrl.errors import NoPlanError
 from qualrl.kernels import routing
-from qualrl.qualitative.graph import crossings_of
+from qualrl.planning.gate_graph import End, GateGraph
+from qualrl.planning.gates import apart, boxes_of, gates_of, straight
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.place import PlaceLike, read_place, resolve_cell
 from qualrl.spatial.region_map import RegionMap
@@ -55,25 +57,22 @@ class Routes:
         self._scratch = np.empty(self._label.size, np.int32), np.zeros(self._label.size, np.bool_)
         self._base: int = 1
         self._turn = Lock()
-        self._gates = _gates(regions)
-        self._steps = self._between_gates()
-        self._pairs = np.array([door.pair for door in regions.doorways], np.int64).reshape(-1, 2)
-        """(D, 2) the regions that each doorway joins."""
+        gates = gates_of(regions)
+        boxes = boxes_of(gates, self._label.shape[1])
+        self._gates = gates
+        self.graph = GateGraph(gates, boxes, *self._between_gates(gates, boxes))
         self._doors = {pair: [door for door in regions.doorways if door.pair == pair] for pair in _pairs(regions)}
 
     def between(self, start: PlaceLike, goal: PlaceLike, *, exact: bool = False) -> Route:
-        """The shortest way through the regions that the shortest way through the middles of doorways takes.
+        """A way that is at most 3 % longer than the shortest one, and mostly as short.
 
-        exact: the shortest way of all, by a search over the whole map.  Start and goal: names, [row, column], or
-        [x, y] in metres.  Raises NoPlanError, UnknownNameError or PlaceError.
+        exact: the shortest one.  Start and goal: names, [row, column], or [x, y] in metres.  See the module for why.
+        Raises NoPlanError, UnknownNameError or PlaceError.
         """
         places = read_place(start), read_place(goal)
         source, target = (resolve_cell(place, self.regions) for place in places)
         with self._turn:
-            allowed, most = self._on_the_way(source, target)
-            if exact:
-                allowed[:] = True
-            base = self._walk(allowed, target, np.array([self._flat(source)], np.int32), most)
+            base = self._walk(*self._on_the_way(source, target, exact), [self._flat(target)], [self._flat(source)])
             if self._seen[self._flat(source)] < base:
                 raise NoPlanError(f"no way leads from {places[0]} to {places[1]}")
             path = routing.way_back(self._label, self._seen, base, self._flat(source))
@@ -82,38 +81,54 @@ class Routes:
     def _flat(self, cell: Cell) -> int:
         return cell[0] * int(self._label.shape[1]) + cell[1]
 
-    def _walk(self, allowed: NDArray[np.bool_], source: Cell, targets: Ints, most: int = MOST) -> int:
-        """Walk from a cell until all targets are reached; the base of what was seen.  most: see ``routing.walk``."""
+    def _walk(self, allowed: NDArray[np.bool_], most: int, sources: ArrayLike, targets: ArrayLike) -> int:
+        """Walk from cells until all targets are reached; the base of what was seen.  most: see ``routing.walk``."""
         if self._base > MOST:
             self._seen[:], self._base = 0, 1
         base: int = self._base
-        self._base += routing.walk(
-            self._label, allowed, self._flat(source), targets, most, self._seen, base, *self._scratch
-        )
+        ends = np.asarray(sources, np.int32), np.asarray(targets, np.int32)
+        self._base += routing.walk(self._label, allowed, *ends, most, self._seen, base, *self._scratch)
         return base
 
-    def _to_gates(self, cell: Cell) -> Ints:
-        """(K,) steps from a cell to the gates of its region without leaving it; -1 where there is no way."""
-        region = int(self._label[cell])
+    def _to_gates(self, region: int, cells: ArrayLike) -> tuple[Ints, Ints]:
+        """(K,) steps from cells of a region to the middles of its gates, and to their nearest cells; -1 if no way.
+
+        The nearest of the cells counts, and no step leaves the region.
+        """
         own = np.zeros(len(self.regions.regions), np.bool_)
         own[region] = True
-        gates = self._gates.cell[self._gates.first[region] : self._gates.first[region + 1]]
-        base = self._walk(own, cell, np.unique(gates))
-        found = self._seen[gates] - base
-        return np.where(found >= 0, found, -1).astype(np.int32)
+        gates, at = self._gates, slice(*self._gates.first[region : region + 2].tolist())
+        first = gates.cell_first[at.start : at.stop + 1]
+        ends = gates.cells[first[0] : first[-1]]
+        base = self._walk(own, MOST, cells, np.unique(ends))
+        if not len(ends):
+            return ends, ends
+        away = self._seen[ends] - base
+        nearest = np.minimum.reduceat(np.where(away < 0, MOST, away), first[:-1] - first[0])
+        return np.maximum(self._seen[gates.cell[at]] - base, -1), np.where(nearest < MOST, nearest, -1)
 
-    def _between_gates(self) -> Ints:
-        """Steps from each gate to all gates of its region, one after the other."""
-        width, first = self._label.shape[1], self._gates.first
-        found = [np.zeros(0, np.int32)]
+    def _between_gates(self, gates: routing.Gates, boxes: Ints) -> tuple[Ints, Ints]:
+        """Steps from the middle of each gate to those of all gates of its region, one after the other; and the least.
+
+        The least: from any cell of a gate to any of the other.  From a gate to itself 0, but -1 where going through
+        the doorway and back is never shorter than staying.
+        """
+        found, least = [np.zeros(0, np.int32)], [np.zeros(0, np.int32)]
+        back = np.where(straight(gates, self._label)[gates.partner], -1, 0)
         owner: Ints | None = None
-        for region, cells in enumerate(np.split(self._gates.cell, first[1:-1])):
-            if len(cells) * self.regions.regions[region].cells <= WALKED:
-                found += [self._to_gates(divmod(cell, width)) for cell in cells.tolist()]
-                continue
-            owner = np.full(self._label.size, -1, np.int32) if owner is None else owner
-            found.append(self._over_neighbours(cells, owner))
-        return np.concatenate(found)
+        for region in range(len(self.regions.regions)):
+            at = np.arange(*gates.first[region : region + 2])
+            if len(at) * self.regions.regions[region].cells <= WALKED:
+                found += [self._to_gates(region, gates.cell[[gate]])[0] for gate in at]
+                parts = [self._to_gates(region, gates.cells[slice(*gates.cell_first[[g, g + 1]])])[1] for g in at]
+                rows = np.reshape(parts, (len(at), len(at)))
+            else:
+                owner = np.full(self._label.size, -1, np.int32) if owner is None else owner
+                found.append(self._over_neighbours(gates.cell[at], owner))
+                rows = apart(boxes[:, at, None], boxes[:, None, at])
+            np.fill_diagonal(rows, back[at])
+            least.append(rows.ravel())
+        return np.concatenate(found).astype(np.int32), np.concatenate(least).astype(np.int32)
 
     def _over_neighbours(self, cells: Ints, owner: Ints) -> Ints:
         """(K * K,) steps between the gates of a region, walking from gate to gate: hardly more than the least."""
@@ -127,23 +142,21 @@ class Routes:
         away = dijkstra(matrix, directed=False)[np.ix_(first, first)]
         return np.where(np.isfinite(away), away, -1).astype(np.int32).ravel()
 
-    def _on_the_way(self, source: Cell, target: Cell) -> tuple[NDArray[np.bool_], int]:
+    def _on_the_way(self, source: Cell, target: Cell, exact: bool) -> tuple[NDArray[np.bool_], int]:
         """(R,) the regions that the way is looked for in, and how long it is at most."""
         start, goal = int(self._label[source]), int(self._label[target])
         allowed = np.zeros(len(self.regions.regions), np.bool_)
         allowed[[start, goal]] = True
-        leave, arrive = self._to_gates(source), self._to_gates(target)
         most = MOST
         if start == goal:
-            base = self._walk(allowed, target, np.array([self._flat(source)], np.int32))
+            base = self._walk(allowed, MOST, [self._flat(target)], [self._flat(source)])
             direct = int(self._seen[self._flat(source)]) - base
             most = direct if direct >= 0 else MOST
-        most, through = routing.through_gates(self._gates, self._steps, leave, arrive, start, goal, most)
-        allowed[through] = True
-        # Middles of wide doorways mislead by a few steps: what lies between regions on the way may be a short cut.
-        inside = allowed[self._pairs]
-        beside = np.bincount(self._pairs[:, ::-1][inside], minlength=len(allowed))
-        return allowed | (beside >= 2), int(most)
+        first = End(source, start, *self._to_gates(start, [self._flat(source)]))
+        last = End(target, goal, *self._to_gates(goal, [self._flat(target)]))
+        regions, most = self.graph.on_the_way(first, last, most, exact)
+        allowed[regions] = True
+        return allowed, most
 
     def _described(self, path: Ints) -> Route:
         label = self._label[path[:, 0], path[:, 1]]
@@ -162,28 +175,3 @@ class Routes:
 
 def _pairs(regions: RegionMap) -> set[tuple[int, int]]:
     return {door.pair for door in regions.doorways}
-
-
-def _gates(regions: RegionMap) -> routing.Gates:
-    """The gates of a map, each at the step through its doorway that lies nearest the middle."""
-    width = regions.label.shape[1]
-    found = []
-    for number, door in enumerate(regions.doorways):
-        middle = np.array(door.midpoint)
-        crossing = min(crossings_of(regions, door), key=lambda ends: float(np.abs(np.array(ends) - middle).sum()))
-        for region, (row, column) in zip(door.pair, crossing, strict=True):
-            found.append((region, number, row * width + column))
-    found.sort()
-    sides: dict[int, list[int]] = {}
-    for at, (_, number, _) in enumerate(found):
-        sides.setdefault(number, []).append(at)
-    partner = np.zeros(len(found), np.int32)
-    for one, other in sides.values():
-        partner[[one, other]] = other, one
-    region_of = np.array([region for region, _, _ in found], np.int32)
-    first = np.searchsorted(region_of, np.arange(len(regions.regions) + 1)).astype(np.int64)
-    row_length = np.diff(first)[region_of]
-    return routing.Gates(
-        first, np.array([cell for _, _, cell in found], np.int32), region_of, partner,
-        (np.cumsum(row_length) - row_length).astype(np.int64),
-    )  # fmt: skip

@@ -2,15 +2,19 @@
 
     python -m tests.benchmarks.routes [--largest 4000]
 
-Blocks of four rooms each along a grid of corridors, 0.05 m a cell, doors where chance puts them.  Questions: random
-pairs of cells.  "exact": the shortest way of all.  Longer: how much longer the quick way is, mean (largest).  Wall
-seconds of one thread, medians; scipy: of two questions.
+"building": blocks of four rooms each along a grid of corridors, 0.05 m a cell, doors where chance puts them.  "plans":
+the generated floor plans of ``tests.benchmarks.maps``, which nothing connects to each other, so ways are short.
+Questions: random pairs of cells between which a way leads.  "graph": the part of it that is a search over doorways,
+median (largest).  "exact": the shortest way of all.  Longer: how much longer the quick way is, mean (largest).  Wall
+milliseconds of one thread, medians; scipy: of two questions.
 """
 
 import argparse
 import time
 from collections.abc import Callable
+from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
@@ -18,7 +22,9 @@ from scipy.sparse.csgraph import dijkstra
 
 import qualrl
 from qualrl.models.grid_world import GridWorld
+from qualrl.planning.gate_graph import GateGraph
 from qualrl.planning.routes import Routes
+from tests.benchmarks.maps import image
 
 SIDES = (1000, 2000, 4000)
 BLOCK, CORRIDOR, WALL, DOOR = 250, 44, 3, 18
@@ -55,14 +61,41 @@ def seconds(work: Callable[[], object]) -> float:
     return time.perf_counter() - begun
 
 
-def row(side: int) -> str:
+class TimedGraph:
+    """Stands before a graph, and notes how long it takes to answer."""
+
+    def __init__(self, graph: GateGraph) -> None:
+        self.graph = graph
+        self.taken: list[float] = []
+
+    def on_the_way(self, *question: Any) -> Any:
+        """See GateGraph."""
+        found: list[Any] = []
+        self.taken.append(seconds(lambda: found.append(self.graph.on_the_way(*question))))
+        return found[0]
+
+
+def questions(free: NDArray[np.bool_]) -> list[list[list[int]]]:
+    """(QUESTIONS, 2) cells, of which a way leads from the first to the second."""
+    generator, cells = np.random.default_rng(1), np.argwhere(free)
+    piece = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)[1]
+    found: list[list[list[int]]] = []
+    while len(found) < QUESTIONS:
+        start, goal = generator.choice(cells, 2).tolist()
+        if piece[tuple(start)] == piece[tuple(goal)]:
+            found.append([start, goal])
+    return found
+
+
+def row(name: str, free: NDArray[np.bool_]) -> str:
     """A line of the table."""
-    regions = qualrl.segment(qualrl.OccupancyGrid.from_free(building(side), 0.05))
+    regions = qualrl.segment(qualrl.OccupancyGrid.from_free(free, 0.05))
     begun = time.perf_counter()
     routes = Routes(regions)
     ready = time.perf_counter() - begun
-    cells = np.argwhere(regions.grid.free)
-    pairs = np.random.default_rng(1).choice(cells, (QUESTIONS, 2)).tolist()
+    timed: Any = TimedGraph(routes.graph)
+    routes.graph = timed
+    pairs = questions(regions.grid.free)
     quick, whole, longer = [], [], []
     for start, goal in pairs:
         found: list[int] = []
@@ -81,7 +114,9 @@ def row(side: int) -> str:
     ]
     times = np.median(beside) / np.median(quick)
     return (
-        f"{side:6d}{len(regions.regions):9d}{ready:9.2f}{1e3 * np.median(quick):10.1f}{1e3 * np.median(whole):10.1f}"
+        f"{name:10s}{len(free):6d}{len(regions.regions):9d}{ready:9.2f}"
+        f"{1e3 * np.median(timed.taken):8.2f} ({1e3 * max(timed.taken):.2f})"
+        f"{1e3 * np.median(quick):10.1f}{1e3 * np.median(whole):10.1f}"
         f"{np.mean(longer):10.2%} ({max(longer):.2%}){1e3 * np.median(beside):11.0f}{times:8.0f}"
     )
 
@@ -93,10 +128,13 @@ def main() -> None:
     largest = parser.parse_args().largest
     small = Routes(qualrl.segment(qualrl.OccupancyGrid.from_free(building(500), 0.05)))
     small.between([10, 10], [400, 400])  # compile
-    print(f"{'side':>6s}{'regions':>9s}{'ready s':>9s}{'way ms':>10s}{'exact ms':>10s}{'longer':>18s}", end="")
+    print(f"{'':10s}{'side':>6s}{'regions':>9s}{'ready s':>9s}{'graph ms':>15s}{'way ms':>10s}", end="")
+    print(f"{'exact ms':>10s}{'longer':>18s}", end="")
     print(f"{'scipy ms':>11s}{'times':>8s}")
     for side in (side for side in SIDES if side <= largest):
-        print(row(side), flush=True)
+        print(row("building", building(side)), flush=True)
+    for side in (side for side in SIDES if side <= largest):
+        print(row("plans", image(side) >= 250), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,86 @@
+"""The search over doorways: which regions a way has to be looked for in, and how long it is at most.
+
+N gates (doorways as seen from one side), K gates of a region.
+
+Why a way found so is at most 3 % longer than the shortest
+----------------------------------------------------------
+A first search, through the middles of doorways, finds a real way; say it takes U steps.  Two more, from either end,
+find for each doorway how long a way through it is at least: there a walk through a region counts as the least from
+any cell of the one doorway to any of the other.  Every doorway by which some way might take less than U / 1.03 is
+kept, with the regions on both its sides, and so are the regions of the first way.  The shortest way over the cells of
+the regions kept, of P steps, is the answer.  P <= U, since the first way is one of those.  A way that leaves the
+regions kept takes at least U / 1.03, and therefore at least P / 1.03; one that does not takes at least P.  For the
+shortest way of all, what might take less than U is kept.
+
+One thing no way needs: to go through a doorway and back by it at once, where the cells on the first side are a row or
+a staircase.  Between any two of these the straight steps lead over that side and are not more.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.kernels import routing
+from qualrl.planning.gates import apart
+from qualrl.spatial.occupancy_grid import Cell
+
+LONGER = 3
+"""By how many hundredths a way may be longer than the shortest."""
+
+Ints = NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """Where a way begins or ends."""
+
+    cell: Cell
+    region: int
+    middle: Ints
+    """(K,) steps between it and the middle of each gate of its region without leaving that; -1 where no way leads."""
+    nearest: Ints
+    """(K,) the same for the nearest of each gate's cells."""
+
+
+@dataclass(frozen=True, eq=False)
+class GateGraph:
+    """All that a search over the doorways of a map needs."""
+
+    gates: routing.Gates
+    boxes: Ints
+    """(4, N), see ``gates.boxes_of``."""
+    steps: Ints
+    """From the middle of each gate to those of all gates of its region; see ``routing.Gates.row``."""
+    least: Ints
+    """From any cell of each gate to any of each of these.  From a gate to itself: 0, or -1 where no way needs that."""
+
+    def on_the_way(self, start: End, goal: End, most: int, exact: bool) -> tuple[Ints, int]:
+        """The regions to look for a way in, one maybe more than once, and how many steps it takes at most.
+
+        most: steps of a way that is known already.  exact: for the shortest way, not for one at most 3 % longer.
+        """
+        beyond = apart(self.boxes, np.repeat(goal.cell, 2)[:, None])
+        most, last, _, before = self._search(
+            self.steps, (start.region, start.middle), (goal.region, goal.middle), beyond, most
+        )
+        by = []
+        while last >= 0:
+            by.append(last)
+            last = before[last]
+        limit = most if exact else -(-100 * most // (100 + LONGER))
+        away = self._search(self.least, (start.region, start.nearest), None, beyond, limit)[2]
+        back = self._search(self.least, (goal.region, goal.nearest), None, away[self.gates.partner] + 1, limit)[2]
+        through = np.concatenate([np.array(by, np.int64), np.flatnonzero(back < limit)])
+        return self.gates.region[np.concatenate([through, self.gates.partner[through]])], most
+
+    def _search(
+        self, steps: Ints, start: tuple[int, Ints], goal: tuple[int, Ints] | None, beyond: NDArray[Any], most: int
+    ) -> tuple[int, int, NDArray[np.int64], Ints]:
+        """See ``routing.over_gates``.  Without a goal: to all gates."""
+        region, arrive = (-1, np.zeros(0, np.int32)) if goal is None else goal
+        best, last, away, before = routing.over_gates(
+            self.gates, steps, *start, region, arrive, beyond.astype(np.int32), most
+        )
+        return int(best), int(last), away, before
