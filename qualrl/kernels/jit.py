@@ -11,6 +11,8 @@ from typing import Any, TypeVar, cast
 
 from numba import njit
 
+from qualrl.kernels import numba_start
+
 Function = TypeVar("Function", bound=Callable[..., object])
 
 # Options of numba's own, which njit passes on but does not declare

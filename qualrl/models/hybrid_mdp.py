@@ -14,11 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError, did_you_mean
-from qualrl.models.definitions import HybridDefinition
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.landmarks import LandmarkLevel, landmark_level
 from qualrl.models.levels import Grouping, QualitativeLevel, coarser_level, groupings
-from qualrl.models.semi_mdp import SemiMDP
 from qualrl.models.tabular_mdp import TabularMDP
 from qualrl.qualitative.graph import Graph, crossings_of, graph_of_mapping, graph_of_regions
 from qualrl.spatial.occupancy_grid import Cell
@@ -26,6 +24,8 @@ from qualrl.spatial.place import Place, resolve_cell
 from qualrl.spatial.region_map import CENTRE, RegionMap
 
 if TYPE_CHECKING:
+    from qualrl.models.definitions import HybridDefinition
+    from qualrl.models.semi_mdp import SemiMDP
     from qualrl.models.task_graph import TaskGraph
 
 GOAL = "goal"
@@ -120,11 +120,13 @@ class HybridMDP:
             raise NoPlanError("the goal is the only place that leads to the goal")
         return starts
 
-    def definition(self, upper: SemiMDP) -> HybridDefinition:
+    def definition(self, upper: "SemiMDP") -> "HybridDefinition":
         """The hybrid MDP as Definition 3 writes it, to be looked at.
 
         upper: the semi-MDP of its qualitative level, from ``solving.theorem1`` or ``solving.fold``.
         """
+        from qualrl.models.definitions import HybridDefinition  # SciPy loads slowly, and learning needs none
+
         table = self.world.table() if isinstance(self.world, GridWorld) else self.world
         names = tuple(self.describe(state) for state in range(len(self)))
         return HybridDefinition(upper, table, names, self.landmarks.names, self.landmarks.landmark_of)
