@@ -59,3 +59,4 @@ def forget_stale(folder: Path) -> None:
 
 
 forget_stale(Path(__file__).parent)
+numba_start.start()

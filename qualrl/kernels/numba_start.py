@@ -5,7 +5,7 @@ count references, which machine code from the cache brings along.  Both can wait
 wants them: that leaves out a fourth of the CPU time of a short run, and 50 MB.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cached_property
 from types import ModuleType
@@ -14,6 +14,8 @@ from typing import Any
 from numba.core.registry import cpu_target
 from numba.core.runtime import nrtdynmod
 from numba.np import linalg
+
+compile_nrt_functions: Callable[[Any], Any] = nrtdynmod.compile_nrt_functions
 
 
 class LateLibrary:
@@ -24,7 +26,7 @@ class LateLibrary:
 
     @cached_property
     def _compiled(self) -> Any:
-        return nrtdynmod.compile_nrt_functions(self._context)
+        return compile_nrt_functions(self._context)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._compiled, name)
@@ -45,6 +47,3 @@ def start() -> None:
     """Load what numba loads at its first call, but for the two; does nothing more when numba was in use before."""
     with _instead(nrtdynmod, "compile_nrt_functions", LateLibrary), _instead(linalg, "ensure_blas", lambda: None):
         cpu_target.target_context.refresh()
-
-
-start()
