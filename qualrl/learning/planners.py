@@ -130,13 +130,23 @@ def _before(model: HybridMDP, targets: list[NDArray[np.uint32]]) -> tuple[NDArra
     """Outcomes by the states they lead to, in compressed rows; ``targets``: one (K,) array a version of the world."""
     size = len(targets[0])
     world = model.world
-    source = np.arange(size) // (size // len(world)) if isinstance(world, GridWorld) else world.source
-    outcomes = np.flatnonzero(~_terminal(model)[source])
-    pairs = np.unique(np.concatenate([leads_to[outcomes].astype(np.int64) * size + outcomes for leads_to in targets]))
-    target, outcome = np.divmod(pairs, size)
-    start = np.zeros(len(model) + 1, np.int64)
-    np.cumsum(np.bincount(target, minlength=len(model)), out=start[1:])
-    return start, outcome.astype(np.uint32)
+    live = ~_terminal(model)
+    acting = live.repeat(size // len(world)) if isinstance(world, GridWorld) else live[world.source]
+    target, outcome = _by_target(np.flatnonzero(acting).astype(np.uint32), targets)
+    is_new = np.ones(len(target), np.bool_)
+    is_new[1:] = (target[1:] != target[:-1]) | (outcome[1:] != outcome[:-1])
+    start = np.searchsorted(target[is_new], np.arange(len(model) + 1, dtype=np.uint32))
+    return start.astype(np.int64, copy=False), outcome[is_new]
+
+
+def _by_target(
+    outcomes: NDArray[np.uint32], targets: list[NDArray[np.uint32]]
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+    """(targets, outcomes) of all versions of the world, sorted; what sorting takes is given back, for large maps."""
+    target = np.concatenate([leads_to[outcomes] for leads_to in targets])
+    outcome = np.tile(outcomes, len(targets))
+    order = np.lexsort((outcome, target))
+    return target[order], outcome[order]
 
 
 def _terminal(model: HybridMDP) -> NDArray[np.bool_]:
