@@ -123,14 +123,14 @@ class Pixels(Artist):
     def __init__(self, image: NDArray[np.uint8], left: int, bottom: int) -> None:
         """RGB (height, width, 3), its top row first, and where it lies, in pixels from the lower left."""
         super().__init__()
-        self._image = np.dstack([image, np.full(image.shape[:2], 255, np.uint8)])[::-1]
-        self._corner = left, bottom
+        self.image, self.left, self.bottom = image, left, bottom
         self.set_zorder(-1)
 
     def draw(self, renderer: RendererBase) -> None:
         """See Artist."""
         context = renderer.new_gc()
-        renderer.draw_image(context, *self._corner, self._image)
+        opaque = np.dstack([self.image, np.full(self.image.shape[:2], 255, np.uint8)])
+        renderer.draw_image(context, self.left, self.bottom, opaque[::-1])
         context.restore()
 
 
