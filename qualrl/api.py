@@ -1,25 +1,27 @@
-"""The verbs of the library: build, train, train_seeds, plan (read_map, segment and load_scenario live elsewhere)."""
+"""The verbs of the library: build, train, train_seeds, plan (read_map, segment and load_scenario live elsewhere).
+
+What only one of them needs, or few of its calls, is imported there: each takes some of the first second.
+"""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from types import UnionType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from qualrl.errors import SettingError, UnknownNameError, did_you_mean
-from qualrl.learning.changes import Change
-from qualrl.learning.many import over_threads
-from qualrl.learning.online import Online, train_online
 from qualrl.learning.run import LearningRun
 from qualrl.learning.settings import LearnSettings, setting_names
-from qualrl.learning.trainer import Milestone
 from qualrl.learning.trainer import train as run_learner
 from qualrl.models.hybrid_mdp import HybridMDP, hybrid_mdp
-from qualrl.planning.plan import Plan
-from qualrl.planning.planner import plan_exactly, plan_from_run
 from qualrl.spatial.place import PlaceLike as PlaceOnMap
 from qualrl.spatial.place import read_place
-from qualrl.spatial.placed_landmarks import with_landmarks
 from qualrl.spatial.region_map import RegionMap
+
+if TYPE_CHECKING:
+    from qualrl.learning.changes import Change
+    from qualrl.learning.online import Online
+    from qualrl.learning.trainer import Milestone
+    from qualrl.planning.plan import Plan
 
 PlaceLike = PlaceOnMap | int
 """A place as ``spatial.place.PlaceLike``, or, for a model without a map, the number of a state."""
@@ -28,11 +30,13 @@ PlaceLike = PlaceOnMap | int
 class Training(LearningRun):
     """A finished learning run, and the plans that come out of it."""
 
-    def plan(self, start: PlaceLike | None = None) -> Plan:
+    def plan(self, start: PlaceLike | None = None) -> "Plan":
         """The plan that what was learned gives from a start (by default the model's own).
 
         Where the learned values do not lead to the goal, the plan is the exact one and its notes say so.
         """
+        from qualrl.planning.planner import plan_from_run
+
         state, name = _start(self.model, start)
         return plan_from_run(self, state, (name, goal_name(self.model)))
 
@@ -63,6 +67,8 @@ def build(
     _check("build", regions, RegionMap, "a RegionMap, from qualrl.segment")
     renamed = regions.renamed(names) if names else regions
     if landmarks is not None:
+        from qualrl.spatial.placed_landmarks import with_landmarks
+
         renamed = with_landmarks(renamed, {name: read_place(place) for name, place in landmarks.items()})
     return hybrid_mdp(
         renamed,
@@ -82,9 +88,9 @@ def train(
     algorithm: str = "hql-replay",
     *,
     seed: int = 0,
-    watch: Callable[[Milestone], None] | None = None,
-    changes: Sequence[Change] = (),
-    online: Online | None = None,
+    watch: "Callable[[Milestone], None] | None" = None,
+    changes: "Sequence[Change]" = (),
+    online: "Online | None" = None,
     **settings: Any,
 ) -> Training:
     """Learn a model.  settings: episodes, alpha, epsilon, max_steps, eta0, eta_power, eta_counter.
@@ -100,6 +106,8 @@ def train(
         return training_of(run_learner(model, algorithm, told, seed, watch, changes))
     if changes:
         raise SettingError("a robot that does not know the map cannot be given changes of it too: drop one of the two")
+    from qualrl.learning.online import train_online
+
     return training_of(train_online(model, algorithm, told, online, seed, watch))
 
 
@@ -117,6 +125,8 @@ def train_seeds(
     seeds: those to use, or how many from 0 on.  threads: by default one for each processor.  told: called with the
     number of runs that are done.  settings: as for ``train``, which see for the errors too.
     """
+    from qualrl.learning.many import over_threads
+
     _check("train_seeds", model, HybridMDP, "a HybridMDP, from qualrl.build or HybridMDP.from_table")
     chosen = _settings(settings)
     wanted = range(seeds) if isinstance(seeds, int) else list(seeds)
@@ -146,12 +156,14 @@ def training_of(run: LearningRun) -> Training:
 
 def plan(
     source: HybridMDP | Training, start: PlaceLike | None = None, *, goal: PlaceLike | None = None, exact: bool = False
-) -> Plan:
+) -> "Plan":
     """A plan: the exact one of a model, or of a training what was learned unless ``exact``.
 
     Another goal than the model's own is always solved exactly, since values learned for one goal say
     nothing of another.  Raises NoPlanError when no way leads there.
     """
+    from qualrl.planning.planner import plan_exactly
+
     _check("plan", source, HybridMDP | Training, "a HybridMDP or a Training, from qualrl.build or qualrl.train")
     model = source.model if isinstance(source, Training) else source
     if goal is not None and (other := _with_goal(model, goal)) is not None:

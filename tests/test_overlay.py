@@ -17,7 +17,7 @@ from qualrl.report import furniture, region_colours
 from qualrl.report.lettering import MISSING, Lettering
 from qualrl.report.name_places import short_names
 from qualrl.report.overlay import chord_of, draw_overlay, overlay_figure
-from qualrl.report.sheet import drawn_window, lay_out, parse_size
+from qualrl.report.sheet import Pixels, drawn_window, lay_out, parse_size
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 from tests.worlds import TWO_ROOMS, grid_of
 
@@ -95,10 +95,15 @@ def test_names_stand_on_their_own_regions(office):
 
 def _map_extent(figure) -> tuple[int, int, int, int]:
     """Left, right, bottom, top of the map's image, from the sheet's top left corner."""
-    (image,) = figure.images
-    height, width = image.get_size()
-    top = int(figure.axes[0].get_ylim()[0]) - image.oy - height
-    return image.ox, image.ox + width, top + height, top
+    laid = _pixels(figure)
+    height, width, _ = laid.image.shape
+    top = int(figure.axes[0].get_ylim()[0]) - laid.bottom - height
+    return laid.left, laid.left + width, top + height, top
+
+
+def _pixels(figure) -> Pixels:
+    (found,) = (artist for artist in figure.artists if isinstance(artist, Pixels))
+    return found
 
 
 def _head_and_foot(figure) -> tuple[float, float]:
@@ -218,7 +223,7 @@ def test_names_and_widths_leave_the_centres_free(office, size):
 @pytest.mark.parametrize("size", SIZES)
 def test_widths_are_not_struck_through_by_walls(office, size):
     figure = overlay_figure(office, size=size)
-    pixels = np.asarray(figure.images[0].get_array())
+    pixels = _pixels(figure).image
     is_wall = (pixels == np.multiply(to_rgb(region_colours.WALL), 255).round()).all(axis=2)
     left, _, _, top = _map_extent(figure)
     widths = [text for text in texts_of(figure) if text.get_text().endswith("0 m")]

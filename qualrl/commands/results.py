@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from qualrl.api import Training
 from qualrl.io.graph_file import write_graph_json, write_graphml
@@ -12,10 +13,9 @@ from qualrl.io.scenario import Scenario, dump_scenario
 from qualrl.io.training_file import write_run
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.plan import Plan
-from qualrl.report.growth import draw_growth
-from qualrl.report.learning_curve import draw_learning_curve
-from qualrl.report.overlay import draw_overlay
-from qualrl.report.sheet import Size
+
+if TYPE_CHECKING:
+    from qualrl.report.sheet import Size
 
 MODEL_FILE, TRAINING_FILE, SCENARIO_FILE = "hybrid_mdp.npz", "training.npz", "scenario.yaml"
 MAP_FILES = ("regions.png", "overlay.png", "graph.json", "graph.graphml", MODEL_FILE, SCENARIO_FILE)
@@ -30,12 +30,14 @@ def result_folder(path: Path) -> OutputFolder:
 
 
 def write_map_files(
-    folder: OutputFolder, model: HybridMDP, scenario: Scenario, plan: Plan | None = None, size: Size | None = None
+    folder: OutputFolder, model: HybridMDP, scenario: Scenario, plan: Plan | None = None, size: "Size | None" = None
 ) -> list[str]:
     """Write what ``convert`` writes; the overlay shows the plan's path if there is one.  Returns the names.
 
     size: (width, height) of the overlay in pixels.
     """
+    from qualrl.report.overlay import draw_overlay  # matplotlib takes memory that learning can use before
+
     assert model.regions is not None
     write_label_image(model.regions.label, folder.path("regions.png"))
     path = plan.path if plan else ()
@@ -49,6 +51,9 @@ def write_map_files(
 
 def write_learning_files(folder: OutputFolder, training: Training, document: str) -> list[str]:
     """Write what was learned.  document: the JSON text of the run."""
+    from qualrl.report.growth import draw_growth
+    from qualrl.report.learning_curve import draw_learning_curve
+
     write_run(training, folder.path(TRAINING_FILE))
     folder.path("learn.json").write_text(document + "\n", encoding="utf-8")
     draw_learning_curve(training, folder.path("learning_curve.png"))

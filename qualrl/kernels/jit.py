@@ -11,6 +11,8 @@ from typing import Any, TypeVar, cast
 
 from numba import njit
 
+from qualrl.kernels import numba_start
+
 Function = TypeVar("Function", bound=Callable[..., object])
 
 # Options of numba's own, which njit passes on but does not declare
@@ -57,3 +59,4 @@ def forget_stale(folder: Path) -> None:
 
 
 forget_stale(Path(__file__).parent)
+numba_start.start()

@@ -163,7 +163,7 @@ def known_model(truth: HybridMDP, regions: RegionMap, known: KnownMap) -> Hybrid
         region_names=(*regions.region_names, UNKNOWN),
         region_of=region_of,
         landmarks=landmarks_of_map(world, regions, goal_region),
-        graph=_with_unknown(graph_of_regions(regions), regions, known),
+        own_graph=_with_unknown(graph_of_regions(regions), regions, known),
         regions=regions,
         coarser=(),
     )

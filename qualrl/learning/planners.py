@@ -17,9 +17,6 @@ only says which regions are replayed, in which order, and where to explore.  So 
 either.  With epsilon 0 an action of chance is tried ``tries`` times and then believed, which may have been bad luck.
 """
 
-from typing import Any, cast
-
-import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,6 +25,7 @@ from qualrl.kernels.experience import Experience
 from qualrl.kernels.planning import run_planning
 from qualrl.learning.learner import NO_LIMIT, KernelWorld, Learned, fresh_progress, kernel_world, rewired, visits_of
 from qualrl.learning.levels_anew import regions_anew
+from qualrl.learning.relevant import relevant_regions
 from qualrl.learning.rules import LearningRule, Planner
 from qualrl.learning.settings import LearnSettings
 from qualrl.models.grid_world import GridWorld
@@ -140,13 +138,23 @@ def _before(model: HybridMDP, targets: list[NDArray[np.uint32]]) -> tuple[NDArra
     """Outcomes by the states they lead to, in compressed rows; ``targets``: one (K,) array a version of the world."""
     size = len(targets[0])
     world = model.world
-    source = np.arange(size) // (size // len(world)) if isinstance(world, GridWorld) else world.source
-    outcomes = np.flatnonzero(~_terminal(model)[source])
-    pairs = np.unique(np.concatenate([leads_to[outcomes].astype(np.int64) * size + outcomes for leads_to in targets]))
-    target, outcome = np.divmod(pairs, size)
-    start = np.zeros(len(model) + 1, np.int64)
-    np.cumsum(np.bincount(target, minlength=len(model)), out=start[1:])
-    return start, outcome.astype(np.uint32)
+    live = ~_terminal(model)
+    acting = live.repeat(size // len(world)) if isinstance(world, GridWorld) else live[world.source]
+    target, outcome = _by_target(np.flatnonzero(acting).astype(np.uint32), targets)
+    is_new = np.ones(len(target), np.bool_)
+    is_new[1:] = (target[1:] != target[:-1]) | (outcome[1:] != outcome[:-1])
+    start = np.searchsorted(target[is_new], np.arange(len(model) + 1, dtype=np.uint32))
+    return start.astype(np.int64, copy=False), outcome[is_new]
+
+
+def _by_target(
+    outcomes: NDArray[np.uint32], targets: list[NDArray[np.uint32]]
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+    """(targets, outcomes) of all versions of the world, sorted; what sorting takes is given back, for large maps."""
+    target = np.concatenate([leads_to[outcomes] for leads_to in targets])
+    outcome = np.tile(outcomes, len(targets))
+    order = np.lexsort((outcome, target))
+    return target[order], outcome[order]
 
 
 @once
@@ -205,22 +213,3 @@ def _promises(model: HybridMDP, shift: float) -> tuple[float, float]:
     added = shift * (1 - world.gamma)
     best_step = on_the_way + added
     return most + shift, 0.0 if abs(best_step) <= NOTHING * added else best_step
-
-
-@once
-def relevant_regions(model: HybridMDP) -> NDArray[np.bool_]:
-    """(R,) regions that a way from the start to the goal may pass without going through any doorway twice.
-
-    A region may be passed more than once: a way may leave it by one doorway and come back by another.
-    All of them when episodes start at random, or when the model came without a map: other rewards than the
-    goal's could then lie off the way.
-    """
-    if model.start is None or not isinstance(model.world, GridWorld):
-        return np.ones(len(model.region_names), np.bool_)
-    names = model.region_names
-    first, last = names[model.region_of[model.start]], names[model.region_of[model.world.goal]]
-    doorways: nx.MultiGraph[str] = nx.MultiGraph(model.graph.to_undirected())
-    doorways.add_edge(first, last)  # what lies on such a way is on a closed one with this edge, hence behind no bridge
-    doorways.remove_edges_from(list(cast(Any, nx.bridges)(doorways)))
-    passed = nx.node_connected_component(doorways, first)
-    return np.array([name in passed for name in names])

@@ -18,7 +18,6 @@ from qualrl.learning.settings import LearnSettings
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.solving.exact import ExactValues, action_values, exact_values
 from qualrl.solving.policy import ActionValues, greedy_walk
-from qualrl.solving.policy_values import policy_values
 
 if TYPE_CHECKING:
     from qualrl.learning.recovery import Recovery
@@ -81,6 +80,8 @@ class LearningRun:
     def exact_values(self) -> NDArray[np.float64]:
         """(S,) optimal values by dynamic programming; those of the policy for a learner that evaluates one."""
         if not self.chooses:
+            from qualrl.solving.policy_values import policy_values  # SciPy loads slowly, and few runs need it
+
             policy = policy_actions(self.model, self.settings.policy)
             return policy_values(self.model.world, policy, self.settings.epsilon)
         return self.exact.value

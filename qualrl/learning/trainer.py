@@ -6,12 +6,8 @@ from dataclasses import dataclass
 
 from qualrl.errors import SettingError
 from qualrl.kernels import stepping
-from qualrl.learning.ahead import AheadLearner
 from qualrl.learning.changes import Change, world_changes
-from qualrl.learning.hierarchical import task_learner
 from qualrl.learning.learner import Adaptive, Learner, until
-from qualrl.learning.one_step import OneStepLearner
-from qualrl.learning.planners import PlanningLearner
 from qualrl.learning.rules import LearningRule, Loop, rule_named
 from qualrl.learning.run import LearningRun
 from qualrl.learning.settings import LearnSettings
@@ -20,13 +16,7 @@ from qualrl.models.hybrid_mdp import HybridMDP
 SLICE_S = 0.1
 """Aim of one call of the compiled loop: short enough for a progress bar and for Ctrl-C."""
 
-LEARNERS: dict[Loop, Callable[[HybridMDP, LearningRule, LearnSettings, int], Learner]] = {
-    Loop.ONE_STEP: OneStepLearner,
-    Loop.AHEAD: AheadLearner,
-    Loop.PLANNING: PlanningLearner,
-    Loop.TASKS: task_learner,
-}
-"""Who lays out the arrays of each compiled loop."""
+LearnerMaker = Callable[[HybridMDP, LearningRule, LearnSettings, int], Learner]
 
 
 @dataclass(frozen=True)
@@ -47,7 +37,26 @@ def start_learner(model: HybridMDP, algorithm: str, settings: LearnSettings, see
     Raises UnknownNameError for an unknown algorithm, SettingError for a seed out of its range.
     """
     rule = rule_named(algorithm)
-    return LEARNERS[rule.loop](model, rule, settings, seed)
+    return _maker(rule.loop)(model, rule, settings, seed)
+
+
+def _maker(loop: Loop) -> LearnerMaker:
+    """Who lays out the arrays of a compiled loop; only that loop is loaded, to be quick to start."""
+    if loop is Loop.ONE_STEP:
+        from qualrl.learning.one_step import OneStepLearner
+
+        return OneStepLearner
+    if loop is Loop.AHEAD:
+        from qualrl.learning.ahead import AheadLearner
+
+        return AheadLearner
+    if loop is Loop.PLANNING:
+        from qualrl.learning.planners import PlanningLearner
+
+        return PlanningLearner
+    from qualrl.learning.hierarchical import task_learner
+
+    return task_learner
 
 
 class Runner:

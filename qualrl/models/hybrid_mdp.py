@@ -9,16 +9,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError, did_you_mean
-from qualrl.models.definitions import HybridDefinition
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.landmarks import LandmarkLevel, landmark_level
-from qualrl.models.levels import Grouping, QualitativeLevel, coarser_level, groupings
-from qualrl.models.semi_mdp import SemiMDP
 from qualrl.models.tabular_mdp import TabularMDP
 from qualrl.qualitative.graph import Graph, crossings_of, graph_of_mapping, graph_of_regions
 from qualrl.spatial.occupancy_grid import Cell
@@ -26,9 +22,14 @@ from qualrl.spatial.place import Place, resolve_cell
 from qualrl.spatial.region_map import CENTRE, RegionMap
 
 if TYPE_CHECKING:
+    from qualrl.models.definitions import HybridDefinition
+    from qualrl.models.levels import Grouping, QualitativeLevel
+    from qualrl.models.semi_mdp import SemiMDP
     from qualrl.models.task_graph import TaskGraph
 
 GOAL = "goal"
+REGIONS_ON_GRID = 2
+"""The least number of levels: the metric level and the regions."""
 NOTHING_TO_LEARN = "start and goal are the same, so there is nothing to learn; choose another start"
 
 
@@ -43,13 +44,13 @@ class HybridMDP:
     region_of: NDArray[np.int32]
     """(S,) index of the qualitative state each state belongs to."""
     landmarks: LandmarkLevel
-    graph: Graph
-    """Frozen networkx graph: a node a qualitative state, an edge a qualitative action."""
+    own_graph: "Graph | None"
+    """The graph of a model that has more to it than the doorways of its map, or no map; else None."""
     start: int | None
     """State in which every episode starts; None = a random one each time."""
     regions: RegionMap | None = None
     """The map this was built from; None for a model that came without one."""
-    coarser: tuple[Grouping, ...] = ()
+    coarser: "tuple[Grouping, ...]" = ()
     """Levels above the regions, each a grouping of the one below: none, or wings, or wings and floors."""
     tasks: "TaskGraph | None" = None
     """A task graph of the user's own, for MAXQ-Q; None for that of the landmarks."""
@@ -120,11 +121,13 @@ class HybridMDP:
             raise NoPlanError("the goal is the only place that leads to the goal")
         return starts
 
-    def definition(self, upper: SemiMDP) -> HybridDefinition:
+    def definition(self, upper: "SemiMDP") -> "HybridDefinition":
         """The hybrid MDP as Definition 3 writes it, to be looked at.
 
         upper: the semi-MDP of its qualitative level, from ``solving.theorem1`` or ``solving.fold``.
         """
+        from qualrl.models.definitions import HybridDefinition  # SciPy loads slowly, and learning needs none
+
         table = self.world.table() if isinstance(self.world, GridWorld) else self.world
         names = tuple(self.describe(state) for state in range(len(self)))
         return HybridDefinition(upper, table, names, self.landmarks.names, self.landmarks.landmark_of)
@@ -146,8 +149,18 @@ class HybridMDP:
         return f"{self.world.state_names[state] if self.world.state_names else f'state {state}'} in {name}"
 
     @cached_property
-    def levels(self) -> tuple[QualitativeLevel, ...]:
+    def graph(self) -> Graph:
+        """Frozen networkx graph: a node a qualitative state, an edge a qualitative action."""
+        if self.own_graph is not None:
+            return self.own_graph
+        assert self.regions is not None
+        return graph_of_regions(self.regions)
+
+    @cached_property
+    def levels(self) -> "tuple[QualitativeLevel, ...]":
         """The qualitative levels, finest first: regions, and what ``coarser`` makes of them (paper, Figure 2)."""
+        from qualrl.models.levels import QualitativeLevel, coarser_level  # networkx loads slowly, for few runs
+
         members: tuple[tuple[str, ...], ...] = ((),) * len(self.region_names)
         found = [QualitativeLevel(self.region_names, self.region_of, members, self.graph, self.landmarks)]
         for grouping in self.coarser:
@@ -156,6 +169,8 @@ class HybridMDP:
 
     def grouped(self, groups: Mapping[str, str]) -> "HybridMDP":
         """The same model with one more level: the group's name of each part of the coarsest level."""
+        from qualrl.models.levels import Grouping  # as above
+
         parts = self.levels[-1].names
         for name in groups:
             if name not in parts:
@@ -183,7 +198,7 @@ class HybridMDP:
         walls = [wall for door in closed for wall in crossings_of(self.regions, door)]
         regions = replace(self.regions, doorways=tuple(known.values()))
         world = replace(self.grid, closed=(*self.grid.closed, *walls))
-        return replace(self, world=world, regions=regions, graph=graph_of_regions(regions))
+        return replace(self, world=world, regions=regions, own_graph=None)
 
     def state_at(self, place: Place) -> int:
         """State of a place: a name, (row, column), or metres.  Raises UnknownNameError or PlaceError."""
@@ -207,23 +222,26 @@ def hybrid_mdp(
     directions: int = 4,
     step_reward: float = -1.0,
     goal_reward: float = 100.0,
-    levels: int = 2,
+    levels: int = REGIONS_ON_GRID,
 ) -> HybridMDP:
     """The hybrid MDP of a map.  A region as start or goal means its centre; levels: see ``models.levels``."""
     world = GridWorld(regions.grid.free, resolve_cell(goal, regions), gamma, slip, directions, step_reward, goal_reward)
     start_state = None if start is None else int(world.state_of[resolve_cell(start, regions)])
     region_of = regions.label[regions.grid.free].astype(np.int32)
-    graph = graph_of_regions(regions)
-    return HybridMDP(
+    model = HybridMDP(
         world,
         regions.region_names,
         region_of,
         landmarks_of_map(world, regions, int(region_of[world.goal])),
-        graph,
+        None,
         start_state,
         regions,
-        groupings(graph, levels),
     )
+    if levels == REGIONS_ON_GRID:
+        return model
+    from qualrl.models.levels import groupings  # networkx loads slowly, for few runs
+
+    return replace(model, coarser=groupings(model.graph, levels))
 
 
 def landmarks_of_map(world: GridWorld, regions: RegionMap, goal_region: int | None) -> LandmarkLevel:
@@ -268,6 +286,8 @@ def _entries(
 
 def _can_reach(mdp: TabularMDP) -> NDArray[np.bool_]:
     """(S,) whether a terminal state can be reached: a walk backwards over the outcomes that can happen."""
+    import networkx as nx  # it loads slowly, and a map needs none
+
     backwards: nx.DiGraph[int] = nx.DiGraph()
     backwards.add_nodes_from(range(len(mdp)))
     possible = (mdp.probability > 0) & ~mdp.terminal[mdp.source]

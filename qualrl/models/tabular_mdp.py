@@ -7,12 +7,15 @@ entries row_start[row] .. row_start[row + 1], each a target, its probability and
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from qualrl.errors import SettingError, UnknownNameError, did_you_mean
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 Outcome = tuple[float, int, float, bool]
 """(probability, next state, reward, whether the next state ends the episode)."""
@@ -118,8 +121,10 @@ class TabularMDP:
         """(E,) the state each entry belongs to."""
         return np.repeat(np.arange(len(self.row_start) - 1) // self.n_actions, np.diff(self.row_start))
 
-    def transition(self, action: int | str) -> sparse.csr_array:
+    def transition(self, action: int | str) -> "sparse.csr_array":
         """(S, S) p_ij(a) of one action, by number or name; rows of terminal states are as stored, and never used."""
+        from scipy import sparse  # it loads slowly, and learning needs none
+
         a = self.action_index(action) if isinstance(action, str) else action
         if not 0 <= a < self.n_actions:
             raise SettingError(f"there are actions 0 to {self.n_actions - 1}, got {a}")

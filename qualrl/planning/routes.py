@@ -10,8 +10,6 @@ from threading import Lock
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from qualrl.errors import NoPlanError
 from qualrl.kernels import routing
@@ -132,6 +130,9 @@ class Routes:
 
     def _over_neighbours(self, cells: Ints, owner: Ints) -> Ints:
         """(K * K,) steps between the gates of a region, walking from gate to gate: hardly more than the least."""
+        from scipy.sparse import csr_array  # it loads slowly, and only vast regions need it
+        from scipy.sparse.csgraph import dijkstra
+
         pairs, steps = routing.nearest_gates(self._label, cells, owner, self._seen, self._scratch[0])
         self._seen[:], self._base = 0, 1
         of_cell = np.unique(cells, return_inverse=True)[1]  # gates may share a cell, of which the first stands for all

@@ -6,14 +6,16 @@ every file format of networkx can hold them.  Lengths are metres, areas square m
 """
 
 from collections.abc import Iterable
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
-import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels import labels
 from qualrl.spatial.region_map import Doorway, RegionMap
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 Graph: TypeAlias = "nx.MultiDiGraph[str]"
 
@@ -25,6 +27,8 @@ def graph_of_regions(regions: RegionMap) -> Graph:
 
     An edge's ``length_m`` is the walk from the centre of one region through the doorway to the other's.
     """
+    import networkx as nx  # it takes a tenth of a second, and most learners need no graph
+
     graph: Graph = nx.MultiDiGraph(schema=SCHEMA, resolution_m=float(regions.grid.resolution_m))
     for region in regions.regions:
         x_m, y_m = regions.grid.to_world(*region.centre)
@@ -75,6 +79,8 @@ def crossings_of(regions: RegionMap, door: Doorway) -> list[tuple[tuple[int, int
 
 def graph_of_mapping(names: tuple[str, ...], crossings: Iterable[tuple[int, int]]) -> Graph:
     """The graph of a model without a map: an edge for each ordered pair of regions that some outcome crosses."""
+    import networkx as nx  # as above
+
     graph: Graph = nx.MultiDiGraph(schema=SCHEMA)
     graph.add_nodes_from(names)
     for here, there in crossings:

@@ -20,7 +20,7 @@ from qualrl.report import furniture, region_colours
 from qualrl.report.furniture import Entry
 from qualrl.report.lettering import DPI, SMALLEST_PX, Lettering, px
 from qualrl.report.name_places import Lettered, Room, place_beside, place_names
-from qualrl.report.sheet import Sheet, Size, blank, default_size, drawn_window, em_of, lay_out
+from qualrl.report.sheet import Pixels, Sheet, Size, blank, default_size, drawn_window, em_of, lay_out
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.region_map import Doorway, RegionMap
 
@@ -89,8 +89,7 @@ def _draw_map(
 ) -> list[str]:
     """All that lies on the map.  Returns what the caption has to say of it."""
     image = region_colours.region_image(regions, sheet.window, sheet.map_height, sheet.map_width)
-    # Pixel by pixel: axes would resample it, which takes longer than all the rest of the picture.
-    cast(Figure, axes.figure).figimage(image, sheet.left, sheet.height - sheet.top - sheet.map_height, zorder=-1)
+    cast(Figure, axes.figure).add_artist(Pixels(image, sheet.left, sheet.height - sheet.top - sheet.map_height))
     room = Room(regions, sheet)
     chords = [chord_of(door, regions, sheet) for door in regions.doorways]
     _draw_doors(axes, regions, chords, sheet, room)

@@ -5,9 +5,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from qualrl.errors import SettingError
 from qualrl.report.lettering import DPI
@@ -108,6 +111,27 @@ def lay_out(window: tuple[slice, slice], size: Size, head: float, foot: float, e
     map_width, map_height = max(round(columns * scale), 1), max(round(rows * scale), 1)
     left, top = (size[0] - map_width) // 2, round(head + (room[1] - map_height) / 2)
     return Sheet(*size, em, left, top, map_width, map_height, scale, window, foot)
+
+
+class Pixels(Artist):
+    """A picture laid on the sheet pixel by pixel, below all else that is drawn.
+
+    A figure's own images are turned into floating point and resampled even where that changes nothing, which takes
+    longer than all the rest of the picture, and a hundred bytes a pixel.
+    """
+
+    def __init__(self, image: NDArray[np.uint8], left: int, bottom: int) -> None:
+        """RGB (height, width, 3), its top row first, and where it lies, in pixels from the lower left."""
+        super().__init__()
+        self.image, self.left, self.bottom = image, left, bottom
+        self.set_zorder(-1)
+
+    def draw(self, renderer: RendererBase) -> None:
+        """See Artist."""
+        context = renderer.new_gc()
+        opaque = np.dstack([self.image, np.full(self.image.shape[:2], 255, np.uint8)])
+        renderer.draw_image(context, self.left, self.bottom, opaque[::-1])
+        context.restore()
 
 
 def blank(size: Size) -> tuple[Figure, Axes]:

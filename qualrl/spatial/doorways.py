@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from qualrl.kernels import linking
 from qualrl.kernels import regions as kernels
 from qualrl.spatial.region_map import Doorway, farthest_apart
 
@@ -110,9 +109,7 @@ def _contacts(ends: Ints, pair: Ints, thing: NDArray[np.signedinteger[Any]]) -> 
         # Things are further nodes, one for each pair of regions.
         links.append(np.stack([near, -1 - (owner[near] * (int(thing.max()) + 1) + touched[near])]))
     start, end = np.unique(np.concatenate(links, axis=1), return_inverse=True)[1].reshape(2, -1)
-    size = int(max(start.max(), end.max())) + 1
-    graph = coo_array((np.ones(start.size, np.int8), (start, end)), shape=(size, size))
-    piece: Ints = connected_components(graph, directed=False)[1]
+    piece: Ints = linking.pieces(start, end, int(max(start.max(), end.max())) + 1)
     return piece[start[: len(ends)]]
 
 

@@ -1,0 +1,72 @@
+"""What a first run loads, in processes of their own, and the parts that keep it light."""
+
+import subprocess
+import sys
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from qualrl.kernels import linking
+from qualrl.learning.relevant import on_closed_ways
+
+HEAVY = ("scipy.linalg", "scipy.sparse", "networkx", "sympy", "matplotlib", "qualrl.learning.hierarchical")
+LEARN = """
+import sys, qualrl
+model = qualrl.load_scenario("puzzle").build()
+qualrl.train(model, {algorithm!r}, episodes=2).plan()
+"""
+LOADED = f"print([name for name in {HEAVY} if name in sys.modules])"
+OTHERS_CODE = """
+import numba, numpy as np
+own = numba.njit(lambda a: a @ np.ascontiguousarray(np.linalg.inv(a)) + np.cov(a))
+a = np.array([[2.0, 1.0], [1.0, 3.0]])
+print(np.allclose(own(a), np.eye(2) + np.cov(a)))
+made = numba.njit(lambda n: [np.full(k, k) for k in range(n)])
+print(sum(int(part.sum()) for part in made(4)))
+"""
+
+
+def output_of(code: str) -> list[str]:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return done.stdout.split("\n")[:-1]
+
+
+@pytest.mark.parametrize("algorithm", ["q-learning", "hql", "hql-replay"])
+def test_learning_and_planning_load_nothing_heavy_that_they_do_not_need(algorithm):
+    assert output_of(LEARN.format(algorithm=algorithm) + LOADED) == ["[]"]
+
+
+def test_code_of_others_compiles_with_linear_algebra_and_counted_references_as_without_us():
+    assert output_of("import qualrl.kernels.jit" + OTHERS_CODE) == ["True", "14"]
+
+
+@st.composite
+def links(draw):
+    nodes = draw(st.integers(1, 12))
+    node = st.integers(0, nodes - 1)
+    return nodes, draw(st.lists(st.tuples(node, node), max_size=20))
+
+
+@given(links())
+def test_pieces_are_those_of_scipy_in_the_same_order(graph):
+    nodes, pairs = graph
+    start, end = np.array(pairs, np.int64).reshape(-1, 2).T.copy()
+    matrix = coo_array((np.ones(len(pairs)), (start, end)), shape=(nodes, nodes))
+    np.testing.assert_array_equal(linking.pieces(start, end, nodes), connected_components(matrix, directed=False)[1])
+
+
+@given(links(), st.data())
+def test_closed_ways_pass_what_no_bridge_cuts_off(graph, data):
+    nodes, pairs = graph
+    first = data.draw(st.integers(0, nodes - 1))
+    twin = nx.MultiGraph()
+    twin.add_nodes_from(range(nodes))
+    twin.add_edges_from(pair for pair in pairs if pair[0] != pair[1])
+    twin.remove_edges_from([(a, b, 0) for a, b in nx.bridges(twin)])
+    expected = nx.node_connected_component(twin, first)
+    assert set(np.flatnonzero(on_closed_ways(pairs, first, nodes)).tolist()) == expected
