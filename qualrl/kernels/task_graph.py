@@ -103,72 +103,97 @@ def _pseudo(pseudo: Any, task: Any, s: Any) -> Any:
     return pseudo.otherwise[task]
 
 
+class Spot(NamedTuple):
+    """Where everything about a state stands; unsigned like all indices here, which spares the check for negative ones.
+
+    An unsigned number and a signed one make a float in numba, so what is added to these is unsigned too.
+    """
+
+    kind: int
+    tasks: int
+    """Where its kind begins in ``Graph.begin``, ``end`` and ``place``."""
+    row: int
+    """Where its entries begin."""
+    at: int
+    """Where its values begin."""
+
+
 @compiled_inline
-def _best(graph: Any, own: Any, value: Any, base: Any, at: Any, low: Any, high: Any) -> Any:
-    """(largest V + C of the entries low..high, the first entry of that value, how many have it)."""
-    best, where, ties = value[uint64(at + graph.slot[uint64(base + low)])] + own[uint64(low)], low, 1
-    for e in range(low + 1, high):
-        worth = value[uint64(at + graph.slot[uint64(base + e)])] + own[uint64(e)]
+def _spot(graph: Any, s: Any) -> Any:
+    kind = uint64(graph.kind_of[uint64(s)])
+    tasks = kind * uint64(graph.reach.size)
+    return Spot(kind, tasks, uint64(graph.first[uint64(s)]), uint64(graph.value_first[uint64(s)]))
+
+
+@compiled_inline
+def _best(graph: Any, own: Any, value: Any, spot: Any, place: Any) -> Any:
+    """(largest V + C of a task's entries, the first of that value, the slot of what that calls, how many have it)."""
+    low, high = spot.row + uint64(graph.begin[place]), spot.row + uint64(graph.end[place])
+    shift = uint64(graph.child_start[spot.kind]) - spot.row
+    slot = uint64(graph.slot[low + shift])
+    best, where, ties = value[spot.at + slot] + own[low], low, 1
+    for e in range(low + uint64(1), high):
+        called = uint64(graph.slot[e + shift])
+        worth = value[spot.at + called] + own[e]
         if worth > best:
-            best, where, ties = worth, e, 1
+            best, where, slot, ties = worth, e, called, 1
         elif worth == best:
             ties += 1
-    return best, int64(where), ties
+    return best, where, slot, ties
 
 
 @compiled_inline
-def _best_move(own: Any, value: Any, at: Any, low: Any, n_actions: Any) -> Any:
-    """The same for a task that calls all moves in order, which needs to look up neither how many nor which.
-
-    Its choices are as good as random at first, so it does without branches, which would be guessed wrong.
-    """
-    best = value[uint64(at)] + own[uint64(low)]
+def _best_move(own: Any, value: Any, low: Any, at: Any, n_actions: Any) -> Any:
+    """The same for a task that calls all moves in order, which needs to look up neither how many nor which."""
+    best, slot, ties = value[at] + own[low], uint64(0), 1
     for a in range(1, n_actions):
-        best = max(best, value[uint64(at + a)] + own[uint64(low + a)])
-    where, ties = 0, 0
-    for a in range(n_actions - 1, -1, -1):
-        found = value[uint64(at + a)] + own[uint64(low + a)] == best
-        where = a if found else where
-        ties += found
-    return best, int64(low + where), ties
+        worth = value[at + uint64(a)] + own[low + uint64(a)]
+        if worth > best:
+            best, slot, ties = worth, uint64(a), 1
+        elif worth == best:
+            ties += 1
+    return best, low + slot, slot, ties
 
 
 @compiled_part
-def _settle(graph: Any, own: Any, outer: Any, value: Any, kind: Any, row: Any, at: Any, n_actions: Any) -> None:
+def _settle(graph: Any, own: Any, outer: Any, value: Any, spot: Any, n_actions: Any) -> None:
     """Work out what is not known of the values of the tasks in a state, bottom up."""
-    n_tasks = graph.reach.size
-    begin = graph.order_start[kind]
-    base = graph.child_start[kind] - row
-    for x in range(begin, graph.order_start[kind + 1]):
-        place = at + n_actions + x - begin
-        if np.isnan(value[place]):
-            task = kind * n_tasks + graph.order[x]
-            best, where, _ = _best(graph, own, value, base, at, row + graph.begin[task], row + graph.end[task])
+    at = spot.at + uint64(n_actions)
+    for x in range(uint64(graph.order_start[spot.kind]), uint64(graph.order_start[spot.kind + uint64(1)])):
+        if np.isnan(value[at]):
+            best, where, slot, _ = _best(graph, own, value, spot, spot.tasks + uint64(graph.order[x]))
             if outer is not None:
-                best = value[at + graph.slot[base + where]] + outer[where]
-            value[place] = best
+                best = value[spot.at + slot] + outer[where]
+            value[at] = best
+        at += uint64(1)
 
 
 @compiled_inline
-def _look(
-    graph: Any, own: Any, outer: Any, value: Any, task: Any, kind: Any, row: Any, at: Any, n_actions: Any
-) -> Any:
+def _look(graph: Any, own: Any, outer: Any, value: Any, task: Any, spot: Any, n_actions: Any) -> Any:
     """The best call of a task in a state: ``_best``, once all that it may call there has a value."""
-    place = kind * graph.reach.size + task
-    low = row + graph.begin[place]
-    if graph.reach[task] == MOVES_IN_ORDER:
-        best, where, ties = _best_move(own, value, at, low, n_actions)
+    reach, place = graph.reach[task], spot.tasks + task
+    if reach == MOVES_IN_ORDER:
+        best, entry, slot, ties = _best_move(own, value, spot.row + uint64(graph.begin[place]), spot.at, n_actions)
     else:
-        if graph.reach[task] == TASKS:
-            _settle(graph, own, outer, value, kind, row, at, n_actions)
-        base = graph.child_start[kind] - row
-        best, where, ties = _best(graph, own, value, base, at, low, row + graph.end[place])
-    return best, where, ties
+        if reach == TASKS:
+            _settle(graph, own, outer, value, spot, n_actions)
+        best, entry, slot, ties = _best(graph, own, value, spot, place)
+    return best, entry, slot, ties
 
 
 @compiled_part
 def _pick(
-    slot: Any, base: Any, value: Any, at: Any, own: Any, low: Any, high: Any, best: Any, ties: Any, exploring: Any, u: Any
+    slot: Any,
+    own: Any,
+    value: Any,
+    low: Any,
+    high: Any,
+    shift: Any,
+    at: Any,
+    best: Any,
+    ties: Any,
+    exploring: Any,
+    u: Any,
 ) -> Any:
     """An entry of low..high, each as likely: any that is open when exploring, otherwise one worth ``best``."""
     count = ties
@@ -178,7 +203,7 @@ def _pick(
             count += own[e] > -np.inf
     skip = int64(below(u, count))
     for e in range(low, high):
-        if own[e] > -np.inf and (exploring or value[at + slot[base + e]] + own[e] == best):
+        if own[e] > -np.inf and (exploring or value[at + uint64(slot[e + shift])] + own[e] == best):
             if skip == 0:
                 return e
             skip -= 1
@@ -186,19 +211,11 @@ def _pick(
 
 
 @compiled_inline
-def _spot(graph: Any, s: Any) -> Any:
-    """(kind of a state, where its entries begin, where its values do)."""
-    return int64(graph.kind_of[s]), graph.first[s], graph.value_first[s]
-
-
-@compiled_inline
-def _forget(graph: Any, value: Any, task: Any, s: Any) -> None:
+def _forget(graph: Any, value: Any, task: Any, spot: Any) -> None:
     """What a task is worth in a state has to be worked out anew, and what those are that call it."""
-    kind, _, at = _spot(graph, s)
-    kind *= graph.reach.size
-    value[at + graph.place[kind + task]] = np.nan
-    for x in range(graph.caller_start[task], graph.caller_start[task + 1]):
-        value[at + graph.place[kind + graph.caller[x]]] = np.nan
+    value[spot.at + uint64(graph.place[spot.tasks + task])] = np.nan
+    for x in range(uint64(graph.caller_start[task]), uint64(graph.caller_start[task + uint64(1)])):
+        value[spot.at + uint64(graph.place[spot.tasks + uint64(graph.caller[x])])] = np.nan
 
 
 @compiled_bare
@@ -226,69 +243,65 @@ def run_steps(
     visits: Visits of each entry of own (and outer), then of each row of move_value; or None for rates.alpha.
     """
     n_actions = len(actions)
-    n_tasks = graph.reach.size
     alpha, gamma = rates.alpha, rates.gamma
     explore = uint64(rates.epsilon * 4294967296.0)
-    r0, r1, r2, r3, s, t, episode, total = resumed(progress)
+    r0, r1, r2, r3, at, t, episode, total = resumed(progress)
     depth = progress.whole[DEPTH]
-    call_task, call_entry, call_state, call_when = calls
-    task = call_task[max(depth, 0)]
-    kind, row, at = _spot(graph, s)
+    s, task = uint64(at), uint64(calls.task[max(depth, 0)])
+    here = _spot(graph, s)
     episodes = progress.steps.size
     done = 0
-    known, best, entry, ties = False, 0.0, int64(0), 0  # the best call of the running task in s, once looked for
+    # The best call of the running task in s, once looked for: what it is worth, its entry and slot, how many are as good
+    known, best, entry, slot, ties = False, 0.0, uint64(0), uint64(0), 0
     while done < n_steps and episode < episodes:
         if t == 0:
-            start, r0, r1, r2, r3 = started(starts, r0, r1, r2, r3)
-            s, total, depth, task, known = int64(start), 0.0, int64(0), int64(0), False
-            call_task[0] = 0
-            kind, row, at = _spot(graph, s)
-        move = int64(-1)
-        while move < 0:  # down to a move
+            s, r0, r1, r2, r3 = started(starts, r0, r1, r2, r3)
+            total, depth, task, known = 0.0, int64(0), uint64(0), False
+            calls.task[0] = 0
+            here = _spot(graph, s)
+        while True:  # down to a move
             u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
             exploring = (u >> uint64(32)) < explore
             if not known and not exploring:
-                best, entry, ties = _look(graph, own, outer, value, task, kind, row, at, n_actions)
+                best, entry, slot, ties = _look(graph, own, outer, value, task, here, n_actions)
             known = False
-            base = graph.child_start[kind] - row
             if exploring or ties > 1:
-                place = kind * n_tasks + task
-                low, high = row + graph.begin[place], row + graph.end[place]
-                entry = _pick(graph.slot, base, value, at, own, low, high, best, ties, exploring, u)
-            called = int64(graph.slot[base + entry])
-            if called < n_actions:
-                move = called
-            else:
-                call_entry[depth], call_state[depth], call_when[depth] = entry, s, t
-                depth += 1
-                task = int64(graph.order[graph.order_start[kind] + called - n_actions])
-                call_task[depth] = task
-        moved, over, reward, r0, r1, r2, r3 = moved_on(
-            grid, slip, table, uint64(s), uint64(move), n_actions, r0, r1, r2, r3
-        )
+                low, high = (
+                    here.row + uint64(graph.begin[here.tasks + task]),
+                    here.row + uint64(graph.end[here.tasks + task]),
+                )
+                shift = uint64(graph.child_start[here.kind]) - here.row
+                entry = _pick(graph.slot, own, value, low, high, shift, here.at, best, ties, exploring, u)
+                slot = uint64(graph.slot[entry + shift])
+            if slot < uint64(n_actions):
+                break
+            calls.entry[depth], calls.state[depth], calls.when[depth] = entry, s, t
+            depth += 1
+            task = uint64(graph.order[uint64(graph.order_start[here.kind]) + slot - uint64(n_actions)])
+            calls.task[depth] = task
+        e, origin, there, discount = entry, s, here, gamma
+        s, over, reward, r0, r1, r2, r3 = moved_on(grid, slip, table, s, slot, n_actions, r0, r1, r2, r3)
         if visits is not None:
-            alpha = next_rate(visits, own.size + s * n_actions + move)
-        before = value[at + move]
-        value[at + move] += alpha * (reward - before)
-        if value[at + move] != before:
-            for x in range(graph.order_start[kind + 1] - graph.order_start[kind]):
-                value[at + n_actions + x] = np.nan
-        e, origin, discount = entry, s, gamma
-        s = int64(moved)
-        kind, row, at = _spot(graph, s)
+            alpha = next_rate(visits, uint64(own.size) + origin * uint64(n_actions) + slot)
+        before = value[there.at + slot]
+        after = before + alpha * (reward - before)
+        if after != before:
+            value[there.at + slot] = after
+            for x in range(graph.order_start[there.kind + uint64(1)] - graph.order_start[there.kind]):
+                value[there.at + uint64(n_actions) + uint64(x)] = np.nan
+        here = _spot(graph, s)
         total += reward
         t += 1
         done += 1
         while True:  # up from every task that is over
             target, seen = 0.0, 0.0
-            place = kind * n_tasks + task
-            if not over and graph.end[place] > graph.begin[place]:
-                best, entry, ties = _look(graph, own, outer, value, task, kind, row, at, n_actions)
+            if not over and graph.end[here.tasks + task] > graph.begin[here.tasks + task]:
+                best, entry, slot, ties = _look(graph, own, outer, value, task, here, n_actions)
                 known = best > -np.inf
             if known:
                 target = discount * best
                 if outer is not None:
-                    seen = discount * (value[at + graph.slot[graph.child_start[kind] - row + entry]] + outer[entry])
+                    seen = discount * (value[here.at + slot] + outer[entry])
             if pseudo is not None and not known:
                 target = discount * _pseudo(pseudo, task, s)
             if visits is not None:
@@ -296,16 +309,16 @@ def run_steps(
             own[e] += alpha * (target - own[e])
             if outer is not None:
                 outer[e] += alpha * (seen - outer[e])
-            if task != 0:
-                _forget(graph, value, task, origin)
+            if task != uint64(0):
+                _forget(graph, value, task, there)
             if known:
                 known = origin != s  # there, what was just learned may have changed it
                 break
             depth -= 1
             if depth < 0:
                 break
-            task, e, origin = call_task[depth], call_entry[depth], call_state[depth]
-            discount = gamma ** (t - call_when[depth])
+            task, e, origin = uint64(calls.task[depth]), uint64(calls.entry[depth]), uint64(calls.state[depth])
+            there, discount = _spot(graph, origin), gamma ** (t - calls.when[depth])
         if over or t >= rates.max_steps:
             t, episode = ended(progress, t, episode, total)
     left_off(progress, r0, r1, r2, r3, s, t, episode, total)
