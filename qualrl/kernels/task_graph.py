@@ -306,10 +306,14 @@ def run_steps(
                 target = discount * _pseudo(pseudo, task, s)
             if visits is not None:
                 alpha = next_rate(visits, e)
-            own[e] += alpha * (target - own[e])
+            before = own[e]
+            own[e] = before + alpha * (target - before)
+            changed = own[e] != before
             if outer is not None:
-                outer[e] += alpha * (seen - outer[e])
-            if task != uint64(0):
+                before = outer[e]
+                outer[e] = before + alpha * (seen - before)
+                changed |= outer[e] != before
+            if changed and task != uint64(0):
                 _forget(graph, value, task, there)
             if known:
                 known = origin != s  # there, what was just learned may have changed it
