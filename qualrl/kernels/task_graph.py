@@ -8,7 +8,8 @@ own      C(i, s, j), the completion that task i goes by; -inf where the call may
          task that of its best call.  A task none of whose calls may be made in a state is over there.
 outer    the completion without pseudo-rewards, which is what others see; None where it would be the same as ``own``.
 
-V is worked out bottom up where a call is chosen or has ended: where a task calls moves only, that is next to nothing.
+V of each task is kept for each state, and is nan once something that it is made of has changed there; it is worked
+out anew, bottom up, where a task that may call it has to choose.  A state of a kind of K tasks takes 8 (K + A) bytes.
 
 A call runs a number of steps and leaves everything it needs to go on in its arrays.
 """
@@ -52,8 +53,9 @@ class Graph(NamedTuple):
     """(C * T,) the entries of task i in a row of kind c are begin[c * T + i] .. end[c * T + i]."""
     end: NDArray[np.int32]
     child_start: NDArray[np.int64]
-    """(C,) what entry x of kind c calls is child[child_start[c] + x]: a move below A, else A + a task."""
+    """(C,) the value of what entry x of kind c calls is in slot[child_start[c] + x] of the values of a state."""
     slot: NDArray[np.int32]
+    """Below A the move of that number, else A + the place of a task in the kind's order."""
     order_start: NDArray[np.int64]
     """(C + 1,) the tasks besides the root that live in kind c are order[order_start[c]] .. , after those they call."""
     order: NDArray[np.int32]
@@ -64,6 +66,7 @@ class Graph(NamedTuple):
     place: NDArray[np.int32]
     """(C * T,) where among them that of a task stands."""
     caller_start: NDArray[np.int64]
+    """(T + 1,) what a task is worth goes into the worth of caller[caller_start[i]] .. caller[caller_start[i + 1]]."""
     caller: NDArray[np.int32]
 
 
@@ -169,13 +172,24 @@ def _settle(graph: Any, own: Any, outer: Any, value: Any, spot: Any, n_actions: 
 
 
 @compiled_inline
+def _is_unsettled(graph: Any, value: Any, spot: Any, n_actions: Any) -> Any:
+    """Whether there is anything for ``_settle`` to do, which takes long to call."""
+    at = spot.at + uint64(n_actions)
+    many = uint64(graph.order_start[spot.kind + uint64(1)] - graph.order_start[spot.kind])
+    found = False
+    for x in range(many):
+        found |= np.isnan(value[at + x])
+    return found
+
+
+@compiled_inline
 def _look(graph: Any, own: Any, outer: Any, value: Any, task: Any, spot: Any, n_actions: Any) -> Any:
     """The best call of a task in a state: ``_best``, once all that it may call there has a value."""
     reach, place = graph.reach[task], spot.tasks + task
     if reach == MOVES_IN_ORDER:
         best, entry, slot, ties = _best_move(own, value, spot.row + uint64(graph.begin[place]), spot.at, n_actions)
     else:
-        if reach == TASKS:
+        if reach == TASKS and _is_unsettled(graph, value, spot, n_actions):
             _settle(graph, own, outer, value, spot, n_actions)
         best, entry, slot, ties = _best(graph, own, value, spot, place)
     return best, entry, slot, ties
@@ -238,9 +252,9 @@ def run_steps(
 ) -> Any:
     """Run up to n_steps steps; the world, ``actions``, ``starts`` and what is returned as in ``learning``.
 
-    pseudo and outer are None where no task has a pseudo-reward.  move_value (S * A,): expected reward of each move.
-    value (A + T,): scratch.
-    visits: Visits of each entry of own (and outer), then of each row of move_value; or None for rates.alpha.
+    pseudo and outer are None where no task has a pseudo-reward.
+    value: see ``Graph.value_first``; of a move, the reward expected of it; of a task, nan where it is not known.
+    visits: Visits of each entry of own (and outer), then of each of the S * A moves; or None for rates.alpha.
     """
     n_actions = len(actions)
     alpha, gamma = rates.alpha, rates.gamma
@@ -251,7 +265,7 @@ def run_steps(
     here = _spot(graph, s)
     episodes = progress.steps.size
     done = 0
-    # The best call of the running task in s, once looked for: what it is worth, its entry and slot, how many are as good
+    # The best call of the running task in s, once looked for: its worth, entry and slot, and how many are as good
     known, best, entry, slot, ties = False, 0.0, uint64(0), uint64(0), 0
     while done < n_steps and episode < episodes:
         if t == 0:

@@ -179,9 +179,15 @@ class MaxqLearner:
 
     def value_of(self, state: int, call: int) -> float:
         """V of what an entry of a state's row calls."""
-        kind, moves = self.graph.kind_of[state], self.move_value
-        value, _ = polling.of_call(self.graph, kind, call, np.array([state]), self._seen, self.own, moves)
-        return float(value[0])
+        graph, kind, row = self.graph, self.graph.kind_of[state], self.graph.first[state]
+        child = int(graph.child[graph.child_start[kind] + call])
+        if child < graph.n_actions:
+            return float(self._value[self._value_first[state] + child])
+        task = child - graph.n_actions
+        calls = range(graph.begin[kind, task], graph.end[kind, task])
+        worth = {below: self.value_of(state, below) for below in calls}
+        best = max(worth, key=lambda below: worth[below] + self.own[row + below], default=None)
+        return -np.inf if best is None else float(worth[best] + self._seen[row + best])
 
     def greedy_step(self, state: int, running: tuple[int, ...] | None) -> tuple[tuple[int, ...], int, bool]:
         """The greedy step: (tasks that run now below the root, move, whether the first was chosen just now)."""
