@@ -170,7 +170,8 @@ class MaxqLearner:
     @property
     def move_value(self) -> NDArray[np.float64]:
         """(S, A) expected reward of each move."""
-        return self._value[self._value_first[:, None] + np.arange(self.model.world.n_actions)]
+        found: NDArray[np.float64] = self._value[self._value_first[:, None] + np.arange(self.model.world.n_actions)]
+        return found
 
     @property
     def _seen(self) -> NDArray[np.float64]:
