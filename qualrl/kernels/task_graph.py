@@ -8,7 +8,8 @@ own      C(i, s, j), the completion that task i goes by; -inf where the call may
          task that of its best call.  A task none of whose calls may be made in a state is over there.
 outer    the completion without pseudo-rewards, which is what others see; None where it would be the same as ``own``.
 
-V is worked out bottom up where a call is chosen or has ended: where a task calls moves only, that is next to nothing.
+V of each task is kept for each state, and is nan once something that it is made of has changed there; it is worked
+out anew, bottom up, where a task that may call it has to choose.  A state of a kind of K tasks takes 8 (K + A) bytes.
 
 A call runs a number of steps and leaves everything it needs to go on in its arrays.
 """
@@ -37,6 +38,10 @@ DEPTH = OWN_WHOLE
 """Slot of Progress.whole: how many calls are open besides the root's."""
 
 
+TASKS, MOVES, MOVES_IN_ORDER = range(3)
+"""What a task calls."""
+
+
 class Graph(NamedTuple):
     """Which task calls what, and where its entries stand."""
 
@@ -48,13 +53,21 @@ class Graph(NamedTuple):
     """(C * T,) the entries of task i in a row of kind c are begin[c * T + i] .. end[c * T + i]."""
     end: NDArray[np.int32]
     child_start: NDArray[np.int64]
-    """(C,) what entry x of kind c calls is child[child_start[c] + x]: a move below A, else A + a task."""
-    child: NDArray[np.int32]
+    """(C,) the value of what entry x of kind c calls is in slot[child_start[c] + x] of the values of a state."""
+    slot: NDArray[np.int32]
+    """Below A the move of that number, else A + the place of a task in the kind's order."""
     order_start: NDArray[np.int64]
     """(C + 1,) the tasks besides the root that live in kind c are order[order_start[c]] .. , after those they call."""
     order: NDArray[np.int32]
-    simple: NDArray[np.bool_]
-    """(T,) whether a task calls moves only."""
+    reach: NDArray[np.uint8]
+    """(T,) TASKS, MOVES or MOVES_IN_ORDER."""
+    value_first: NDArray[np.int64]
+    """(S,) where the values of each state begin: of the A moves, then of the tasks of its kind in their order."""
+    place: NDArray[np.int32]
+    """(C * T,) where among them that of a task stands."""
+    caller_start: NDArray[np.int64]
+    """(T + 1,) what a task is worth goes into the worth of caller[caller_start[i]] .. caller[caller_start[i + 1]]."""
+    caller: NDArray[np.int32]
 
 
 class Pseudo(NamedTuple):
@@ -93,45 +106,108 @@ def _pseudo(pseudo: Any, task: Any, s: Any) -> Any:
     return pseudo.otherwise[task]
 
 
-@compiled_inline
-def _best(child: Any, base: Any, value: Any, own: Any, low: Any, high: Any) -> Any:
-    """(largest V + C of the entries low..high, the first entry of that value, how many have it).
+class Spot(NamedTuple):
+    """Where everything about a state stands; unsigned like all indices here, which spares the check for negative ones.
 
-    Entry e calls child[base + e]; value (A + T,): V of each.
+    An unsigned number and a signed one make a float in numba, so what is added to these is unsigned too.
     """
-    best, where, ties = value[child[base + low]] + own[low], low, 1
-    for e in range(low + 1, high):
-        worth = value[child[base + e]] + own[e]
+
+    kind: int
+    tasks: int
+    """Where its kind begins in ``Graph.begin``, ``end`` and ``place``."""
+    row: int
+    """Where its entries begin."""
+    at: int
+    """Where its values begin."""
+
+
+@compiled_inline
+def _spot(graph: Any, s: Any) -> Any:
+    kind = uint64(graph.kind_of[uint64(s)])
+    tasks = kind * uint64(graph.reach.size)
+    return Spot(kind, tasks, uint64(graph.first[uint64(s)]), uint64(graph.value_first[uint64(s)]))
+
+
+@compiled_inline
+def _best(graph: Any, own: Any, value: Any, spot: Any, place: Any) -> Any:
+    """(largest V + C of a task's entries, the first of that value, the slot of what that calls, how many have it)."""
+    low, high = spot.row + uint64(graph.begin[place]), spot.row + uint64(graph.end[place])
+    shift = uint64(graph.child_start[spot.kind]) - spot.row
+    slot = uint64(graph.slot[low + shift])
+    best, where, ties = value[spot.at + slot] + own[low], low, 1
+    for e in range(low + uint64(1), high):
+        called = uint64(graph.slot[e + shift])
+        worth = value[spot.at + called] + own[e]
         if worth > best:
-            best, where, ties = worth, e, 1
+            best, where, slot, ties = worth, e, called, 1
         elif worth == best:
             ties += 1
-    return best, int64(where), ties
+    return best, where, slot, ties
 
 
 @compiled_inline
-def _look(graph: Any, own: Any, outer: Any, move_value: Any, value: Any, task: Any, s: Any, n_actions: Any) -> Any:
-    """The best call of a task in state s: ``_best``.  Writes to ``value`` what each of its calls is worth there."""
-    n_tasks = graph.simple.size
-    kind, row = int64(graph.kind_of[s]), graph.first[s]
-    base = graph.child_start[kind] - row
-    for a in range(n_actions):
-        value[a] = move_value[s * n_actions + a]
-    if not graph.simple[task]:
-        for i in range(graph.order_start[kind], graph.order_start[kind + 1]):
-            below = int64(graph.order[i])
-            low, high = row + graph.begin[kind * n_tasks + below], row + graph.end[kind * n_tasks + below]
-            best, where, _ = _best(graph.child, base, value, own, low, high)
+def _best_move(own: Any, value: Any, low: Any, at: Any, n_actions: Any) -> Any:
+    """The same for a task that calls all moves in order, which needs to look up neither how many nor which."""
+    best, slot, ties = value[at] + own[low], uint64(0), 1
+    for a in range(1, n_actions):
+        worth = value[at + uint64(a)] + own[low + uint64(a)]
+        if worth > best:
+            best, slot, ties = worth, uint64(a), 1
+        elif worth == best:
+            ties += 1
+    return best, low + slot, slot, ties
+
+
+@compiled_part
+def _settle(graph: Any, own: Any, outer: Any, value: Any, spot: Any, n_actions: Any) -> None:
+    """Work out what is not known of the values of the tasks in a state, bottom up."""
+    at = spot.at + uint64(n_actions)
+    for x in range(uint64(graph.order_start[spot.kind]), uint64(graph.order_start[spot.kind + uint64(1)])):
+        if np.isnan(value[at]):
+            best, where, slot, _ = _best(graph, own, value, spot, spot.tasks + uint64(graph.order[x]))
             if outer is not None:
-                best = value[graph.child[base + where]] + outer[where]
-            value[n_actions + below] = best
-    low, high = row + graph.begin[kind * n_tasks + task], row + graph.end[kind * n_tasks + task]
-    return _best(graph.child, base, value, own, low, high)
+                best = value[spot.at + slot] + outer[where]
+            value[at] = best
+        at += uint64(1)
+
+
+@compiled_inline
+def _is_unsettled(graph: Any, value: Any, spot: Any, n_actions: Any) -> Any:
+    """Whether there is anything for ``_settle`` to do, which takes long to call."""
+    at = spot.at + uint64(n_actions)
+    many = uint64(graph.order_start[spot.kind + uint64(1)] - graph.order_start[spot.kind])
+    found = False
+    for x in range(many):
+        found |= np.isnan(value[at + x])
+    return found
+
+
+@compiled_inline
+def _look(graph: Any, own: Any, outer: Any, value: Any, task: Any, spot: Any, n_actions: Any) -> Any:
+    """The best call of a task in a state: ``_best``, once all that it may call there has a value."""
+    reach, place = graph.reach[task], spot.tasks + task
+    if reach == MOVES_IN_ORDER:
+        best, entry, slot, ties = _best_move(own, value, spot.row + uint64(graph.begin[place]), spot.at, n_actions)
+    else:
+        if reach == TASKS and _is_unsettled(graph, value, spot, n_actions):
+            _settle(graph, own, outer, value, spot, n_actions)
+        best, entry, slot, ties = _best(graph, own, value, spot, place)
+    return best, entry, slot, ties
 
 
 @compiled_part
 def _pick(
-    child: Any, base: Any, value: Any, own: Any, low: Any, high: Any, best: Any, ties: Any, exploring: Any, u: Any
+    slot: Any,
+    own: Any,
+    value: Any,
+    low: Any,
+    high: Any,
+    shift: Any,
+    at: Any,
+    best: Any,
+    ties: Any,
+    exploring: Any,
+    u: Any,
 ) -> Any:
     """An entry of low..high, each as likely: any that is open when exploring, otherwise one worth ``best``."""
     count = ties
@@ -141,11 +217,19 @@ def _pick(
             count += own[e] > -np.inf
     skip = int64(below(u, count))
     for e in range(low, high):
-        if own[e] > -np.inf and (exploring or value[child[base + e]] + own[e] == best):
+        if own[e] > -np.inf and (exploring or value[at + uint64(slot[e + shift])] + own[e] == best):
             if skip == 0:
                 return e
             skip -= 1
     return low
+
+
+@compiled_inline
+def _forget(graph: Any, value: Any, task: Any, spot: Any) -> None:
+    """What a task is worth in a state has to be worked out anew, and what those are that call it."""
+    value[spot.at + uint64(graph.place[spot.tasks + task])] = np.nan
+    for x in range(uint64(graph.caller_start[task]), uint64(graph.caller_start[task + uint64(1)])):
+        value[spot.at + uint64(graph.place[spot.tasks + uint64(graph.caller[x])])] = np.nan
 
 
 @compiled_bare
@@ -162,90 +246,97 @@ def run_steps(
     starts: Any,
     own: Any,
     outer: Any,
-    move_value: Any,
     value: Any,
     progress: Any,
     n_steps: Any,
 ) -> Any:
     """Run up to n_steps steps; the world, ``actions``, ``starts`` and what is returned as in ``learning``.
 
-    pseudo and outer are None where no task has a pseudo-reward.  move_value (S * A,): expected reward of each move.
-    value (A + T,): scratch.
-    visits: Visits of each entry of own (and outer), then of each row of move_value; or None for rates.alpha.
+    pseudo and outer are None where no task has a pseudo-reward.
+    value: see ``Graph.value_first``; of a move, the reward expected of it; of a task, nan where it is not known.
+    visits: Visits of each entry of own (and outer), then of each of the S * A moves; or None for rates.alpha.
     """
     n_actions = len(actions)
-    n_tasks = graph.simple.size
     alpha, gamma = rates.alpha, rates.gamma
     explore = uint64(rates.epsilon * 4294967296.0)
-    r0, r1, r2, r3, s, t, episode, total = resumed(progress)
+    r0, r1, r2, r3, at, t, episode, total = resumed(progress)
     depth = progress.whole[DEPTH]
-    call_task, call_entry, call_state, call_when = calls
+    s, task = uint64(at), uint64(calls.task[max(depth, 0)])
+    here = _spot(graph, s)
     episodes = progress.steps.size
     done = 0
-    known, best, entry, ties = False, 0.0, int64(0), 0  # the best call of the running task in s, once looked for
+    # The best call of the running task in s, once looked for: its worth, entry and slot, and how many are as good
+    known, best, entry, slot, ties = False, 0.0, uint64(0), uint64(0), 0
     while done < n_steps and episode < episodes:
         if t == 0:
-            first, r0, r1, r2, r3 = started(starts, r0, r1, r2, r3)
-            s, total, depth, known = int64(first), 0.0, int64(0), False
-            call_task[0] = 0
-        kind, row = int64(graph.kind_of[s]), graph.first[s]
-        base = graph.child_start[kind] - row
-        move = int64(-1)
-        while move < 0:  # down to a move
-            place = kind * n_tasks + call_task[depth]
-            low, high = row + graph.begin[place], row + graph.end[place]
+            s, r0, r1, r2, r3 = started(starts, r0, r1, r2, r3)
+            total, depth, task, known = 0.0, int64(0), uint64(0), False
+            calls.task[0] = 0
+            here = _spot(graph, s)
+        while True:  # down to a move
             u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
             exploring = (u >> uint64(32)) < explore
             if not known and not exploring:
-                best, entry, ties = _look(graph, own, outer, move_value, value, call_task[depth], s, n_actions)
+                best, entry, slot, ties = _look(graph, own, outer, value, task, here, n_actions)
             known = False
             if exploring or ties > 1:
-                entry = _pick(graph.child, base, value, own, low, high, best, ties, exploring, u)
-            call_entry[depth], call_state[depth], call_when[depth] = entry, s, t
-            child = int64(graph.child[base + entry])
-            if child < n_actions:
-                move = child
-            else:
-                depth += 1
-                call_task[depth] = child - n_actions
-        moved, over, reward, r0, r1, r2, r3 = moved_on(
-            grid, slip, table, uint64(s), uint64(move), n_actions, r0, r1, r2, r3
-        )
-        by = s * n_actions + move
+                low, high = (
+                    here.row + uint64(graph.begin[here.tasks + task]),
+                    here.row + uint64(graph.end[here.tasks + task]),
+                )
+                shift = uint64(graph.child_start[here.kind]) - here.row
+                entry = _pick(graph.slot, own, value, low, high, shift, here.at, best, ties, exploring, u)
+                slot = uint64(graph.slot[entry + shift])
+            if slot < uint64(n_actions):
+                break
+            calls.entry[depth], calls.state[depth], calls.when[depth] = entry, s, t
+            depth += 1
+            task = uint64(graph.order[uint64(graph.order_start[here.kind]) + slot - uint64(n_actions)])
+            calls.task[depth] = task
+        e, origin, there, discount = entry, s, here, gamma
+        s, over, reward, r0, r1, r2, r3 = moved_on(grid, slip, table, s, slot, n_actions, r0, r1, r2, r3)
         if visits is not None:
-            alpha = next_rate(visits, own.size + by)
-        move_value[by] += alpha * (reward - move_value[by])
-        s = int64(moved)
+            alpha = next_rate(visits, uint64(own.size) + origin * uint64(n_actions) + slot)
+        before = value[there.at + slot]
+        after = before + alpha * (reward - before)
+        if after != before:
+            value[there.at + slot] = after
+            for x in range(graph.order_start[there.kind + uint64(1)] - graph.order_start[there.kind]):
+                value[there.at + uint64(n_actions) + uint64(x)] = np.nan
+        here = _spot(graph, s)
         total += reward
         t += 1
         done += 1
-        place = int64(graph.kind_of[s]) * n_tasks
-        while not known and depth >= 0:  # up from every task that is over
-            i, at = call_task[depth], call_state[depth]
-            n = t - call_when[depth]
-            discount = gamma if n == 1 else gamma**n
+        while True:  # up from every task that is over
             target, seen = 0.0, 0.0
-            if not over and graph.end[place + i] > graph.begin[place + i]:
-                best, entry, ties = _look(graph, own, outer, move_value, value, i, s, n_actions)
+            if not over and graph.end[here.tasks + task] > graph.begin[here.tasks + task]:
+                best, entry, slot, ties = _look(graph, own, outer, value, task, here, n_actions)
                 known = best > -np.inf
             if known:
                 target = discount * best
                 if outer is not None:
-                    called = graph.child[graph.child_start[graph.kind_of[s]] + entry - graph.first[s]]
-                    seen = discount * (value[called] + outer[entry])
+                    seen = discount * (value[here.at + slot] + outer[entry])
             if pseudo is not None and not known:
-                target = discount * _pseudo(pseudo, i, s)
-            e = call_entry[depth]
+                target = discount * _pseudo(pseudo, task, s)
             if visits is not None:
                 alpha = next_rate(visits, e)
-            own[e] += alpha * (target - own[e])
+            before = own[e]
+            own[e] = before + alpha * (target - before)
+            changed = own[e] != before
             if outer is not None:
-                outer[e] += alpha * (seen - outer[e])
-            if not known:
-                depth -= 1
-            elif at == s:
-                known = False  # what was just learned may have changed it
+                before = outer[e]
+                outer[e] = before + alpha * (seen - before)
+                changed |= outer[e] != before
+            if changed and task != uint64(0):
+                _forget(graph, value, task, there)
+            if known:
+                known = origin != s  # there, what was just learned may have changed it
                 break
+            depth -= 1
+            if depth < 0:
+                break
+            task, e, origin = uint64(calls.task[depth]), uint64(calls.entry[depth]), uint64(calls.state[depth])
+            there, discount = _spot(graph, origin), gamma ** (t - calls.when[depth])
         if over or t >= rates.max_steps:
             t, episode = ended(progress, t, episode, total)
     left_off(progress, r0, r1, r2, r3, s, t, episode, total)

@@ -131,9 +131,13 @@ class MaxqLearner:
         self.progress = fresh_progress(settings.episodes, seed)
         self._world = kernel_world(model)
         self._actions = (0,) * model.world.n_actions
+        order_start, order = self.graph.bottom_up
+        self._value_first = np.arange(len(model)) * model.world.n_actions
+        self._value_first[1:] += np.cumsum(np.diff(order_start)[self.graph.kind_of])[:-1]
         self._graph = graph_kernel.Graph(
             self.graph.first, self.graph.kind_of, self.graph.begin.ravel(), self.graph.end.ravel(),
-            self.graph.child_start[:-1], self.graph.child, *self.graph.bottom_up(), self.graph.simple,
+            self.graph.child_start[:-1], self.graph.slot, order_start, order, self.graph.reach, self._value_first,
+            self.graph.place.ravel(), *self.graph.callers,
         )  # fmt: skip
         stack = np.zeros((4, self.graph.depth), np.int64)
         self._calls = graph_kernel.Calls(stack[0], stack[1], stack[2], stack[3])
@@ -142,15 +146,16 @@ class MaxqLearner:
         self.outer = self.own.copy() if self.graph.has_pseudo_rewards else None
         """(W,) completions as others see them; None where the two are the same."""
         self._pseudo = _pseudo(self.graph) if self.graph.has_pseudo_rewards else None
-        self.move_value = np.zeros(len(model) * model.world.n_actions)
-        self._scratch = np.zeros(model.world.n_actions + len(self.graph))
-        self._visits, self._rates = _rates(model, settings, self.own.size + self.move_value.size)
+        moves = len(model) * model.world.n_actions
+        self._value = np.full(moves + np.diff(order_start)[self.graph.kind_of].sum(), np.nan)
+        self._value[self._value_first[:, None] + np.arange(model.world.n_actions)] = 0.0
+        self._visits, self._rates = _rates(model, settings, self.own.size + moves)
 
     def advance(self, n_steps: int) -> int:
         """See Learner."""
         made: int = graph_kernel.run_steps(
             *self._world, self._graph, self._pseudo, self._calls, self._visits, self._rates, self._actions,
-            self.model.starts, self.own, self.outer, self.move_value, self._scratch, self.progress, n_steps,
+            self.model.starts, self.own, self.outer, self._value, self.progress, n_steps,
         )  # fmt: skip
         return made
 
@@ -160,15 +165,27 @@ class MaxqLearner:
         return Learned(polling.keep_to_choices(polled, self.model, self.greedy_step))
 
     @property
+    def move_value(self) -> NDArray[np.float64]:
+        """(S, A) expected reward of each move."""
+        found: NDArray[np.float64] = self._value[self._value_first[:, None] + np.arange(self.model.world.n_actions)]
+        return found
+
+    @property
     def _seen(self) -> NDArray[np.float64]:
         """(W,) completions as others see them."""
         return self.own if self.outer is None else self.outer
 
     def value_of(self, state: int, call: int) -> float:
         """V of what an entry of a state's row calls."""
-        kind, moves = self.graph.kind_of[state], self.move_value.reshape(-1, self.graph.n_actions)
-        value, _ = polling.of_call(self.graph, kind, call, np.array([state]), self._seen, self.own, moves)
-        return float(value[0])
+        graph, kind, row = self.graph, self.graph.kind_of[state], self.graph.first[state]
+        child = int(graph.child[graph.child_start[kind] + call])
+        if child < graph.n_actions:
+            return float(self._value[self._value_first[state] + child])
+        task = child - graph.n_actions
+        calls = range(graph.begin[kind, task], graph.end[kind, task])
+        worth = {below: self.value_of(state, below) for below in calls}
+        best = max(worth, key=lambda below: worth[below] + self.own[row + below], default=None)
+        return -np.inf if best is None else float(worth[best] + self._seen[row + best])
 
     def greedy_step(self, state: int, running: tuple[int, ...] | None) -> tuple[tuple[int, ...], int, bool]:
         """The greedy step: (tasks that run now below the root, move, whether the first was chosen just now)."""

@@ -61,12 +61,11 @@ def of_winners(ways: LandmarkWays, first: NDArray[np.int64], values: Floats) -> 
 
 def of_graph(graph: TaskGraph, outer: Floats, inner: Floats, move_value: Floats) -> Floats:
     """When each task makes the call that its own completions, ``inner``, say is best."""
-    value_of_move = move_value.reshape(-1, graph.n_actions)
-    polled = np.full(value_of_move.shape, -np.inf)
+    polled = np.full(move_value.shape, -np.inf)
     for kind in range(len(graph.begin)):
         states = np.flatnonzero(graph.kind_of == kind)
         for call in range(graph.begin[kind, 0], graph.end[kind, 0]):
-            value, move = of_call(graph, kind, call, states, outer, inner, value_of_move)
+            value, move = of_call(graph, kind, call, states, outer, inner, move_value)
             np.maximum.at(polled, (states, move), value + outer[graph.first[states] + call])
     polled[polled.max(axis=1) == -np.inf] = 0.0  # terminal states: nothing is open there
     return polled

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.errors import SettingError, UnknownNameError, did_you_mean
+from qualrl.kernels.task_graph import MOVES, MOVES_IN_ORDER, TASKS
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.landmark_ways import LandmarkWays
 from qualrl.models.tabular_mdp import TabularMDP
@@ -69,42 +70,77 @@ class TaskGraph:
     @cached_property
     def depth(self) -> int:
         """Most calls that can be open at once, the root's included."""
-        called = {(task, child - self.n_actions) for task, child in self._calls if child >= self.n_actions}
-        depth = dict.fromkeys(range(len(self)), 1)
-        for _ in range(len(self)):
-            for task, below in called:
-                depth[task] = max(depth[task], depth[below] + 1)
-        return depth[0]
+        return int(nx.dag_longest_path_length(self._called)) + 1
 
     @cached_property
-    def _calls(self) -> set[tuple[int, int]]:
-        return {
-            (task, int(child))
-            for kind in range(len(self.begin))
-            for task in range(len(self))
-            for child in self.child[
-                self.child_start[kind] + self.begin[kind, task] : self.child_start[kind] + self.end[kind, task]
-            ]
-        }
+    def callers(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+        """(start, caller): the tasks that call task i, or one that does, are caller[start[i]] .. caller[start[i + 1]].
+
+        The root is left out: nobody asks what it is worth.
+        """
+        above = [sorted(nx.ancestors(self._called, task) - {0}) for task in range(len(self))]
+        start = np.concatenate([[0], np.cumsum([len(found) for found in above])])
+        return start, np.array([task for found in above for task in found], np.int32)
 
     @cached_property
-    def simple(self) -> NDArray[np.bool_]:
-        """(T,) whether a task calls moves only."""
-        found = np.ones(len(self), np.bool_)
-        found[[task for task, child in self._calls if child >= self.n_actions]] = False
+    def reach(self) -> NDArray[np.uint8]:
+        """(T,) how far down a task calls: TASKS, MOVES, or MOVES_IN_ORDER for all moves wherever it lives."""
+        task, x, child = self._entries
+        lacking = ((self.end - self.begin) % self.n_actions != 0).any(axis=0)
+        found = np.where(lacking, MOVES, MOVES_IN_ORDER).astype(np.uint8)
+        found[task[x != child]] = MOVES
+        found[task[child >= self.n_actions]] = TASKS
         return found
 
+    @cached_property
+    def _entries(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int32]]:
+        """For each entry of each kind: (the task whose it is, its number among those of the task, what it calls)."""
+        count = (self.end - self.begin).ravel()
+        number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        start = (self.child_start[:-1, None] + self.begin).ravel()
+        task = np.tile(np.arange(len(self)), len(self.begin))
+        return np.repeat(task, count), number, self.child[np.repeat(start, count) + number]
+
+    @cached_property
+    def _called(self) -> "nx.DiGraph[int]":
+        """Which task calls which."""
+        task, _, child = self._entries
+        pairs = np.unique(np.stack([task, child.astype(np.int64) - self.n_actions])[:, child >= self.n_actions], axis=1)
+        found: nx.DiGraph[int] = nx.DiGraph()
+        found.add_nodes_from(range(len(self)))
+        found.add_edges_from(pairs.T.tolist())
+        return found
+
+    @cached_property
     def bottom_up(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
         """(start, order): the tasks besides the root that live in kind c, order[start[c]] .. order[start[c + 1]].
 
         Each comes after all that it calls.
         """
-        below = nx.DiGraph((child - self.n_actions, task) for task, child in self._calls if child >= self.n_actions)
-        below.add_nodes_from(range(len(self)))
-        order = [task for task in nx.topological_sort(below) if task > 0]
+        order = [task for task in reversed([*nx.topological_sort(self._called)]) if task > 0]
         lives = (self.end > self.begin)[:, order]
         start = np.concatenate([[0], np.cumsum(lives.sum(axis=1))])
         return start, np.array(order, np.int32)[np.nonzero(lives)[1]]
+
+    @property
+    def place(self) -> NDArray[np.int32]:
+        """(C, T) where the value of a task stands among what a state of a kind has: the moves, then those of bottom_up.
+
+        A task that does not live in a kind has a place there all the same, that of another.
+        """
+        start, order = self.bottom_up
+        kind = np.repeat(np.arange(len(self.begin)), np.diff(start))
+        found = np.full(self.begin.shape, self.n_actions, np.int32)
+        found[kind, order] = self.n_actions + np.arange(len(order)) - start[kind]
+        return found
+
+    @property
+    def slot(self) -> NDArray[np.int32]:
+        """(like child) the place of the value of what an entry calls."""
+        kind = np.repeat(np.arange(len(self.begin)), np.diff(self.child_start))
+        return np.where(
+            self.child < self.n_actions, self.child, self.place[kind, np.maximum(self.child - self.n_actions, 0)]
+        )
 
     @classmethod
     def from_tasks(cls, tasks: Sequence[Task], world: GridWorld | TabularMDP) -> "TaskGraph":
