@@ -3,8 +3,8 @@
     python -m tests.benchmarks.routes [--largest 4000]
 
 Blocks of four rooms each along a grid of corridors, 0.05 m a cell, doors where chance puts them.  Questions: random
-pairs of cells.  "exact": the shortest way of all.  Longer: how much longer the quick way is, mean (largest).  Wall
-seconds of one thread, medians; scipy: of two questions.
+pairs of cells.  "exact": the shortest way of all.  Longer: how much longer the quick way is, mean (largest).  CPU
+seconds, medians; scipy: of two questions.
 """
 
 import argparse
@@ -52,15 +52,15 @@ def building(side: int) -> NDArray[np.bool_]:
 
 
 def seconds(work: Callable[[], object]) -> float:
-    """Wall seconds of some work."""
-    begun = time.perf_counter()
+    """CPU seconds of some work."""
+    begun = time.process_time()
     work()
-    return time.perf_counter() - begun
+    return time.process_time() - begun
 
 
 @dataclass(frozen=True)
 class Measured:
-    """What is measured on one map: wall seconds of each question."""
+    """What is measured on one map: CPU seconds of each question."""
 
     regions: int
     ready: float
@@ -77,9 +77,9 @@ class Measured:
 def measured(side: int, questions: int) -> Measured:
     """Ask the same questions in each way; scipy gets the first two, and has to find the same lengths."""
     regions = qualrl.segment(qualrl.OccupancyGrid.from_free(building(side), 0.05))
-    begun = time.perf_counter()
+    begun = time.process_time()
     routes = Routes(regions)
-    ready = time.perf_counter() - begun
+    ready = time.process_time() - begun
     cells = np.argwhere(regions.grid.free)
     pairs = np.random.default_rng(1).choice(cells, (questions, 2)).tolist()
     world = GridWorld(regions.grid.free, tuple(pairs[0][1]), 0.9)
@@ -111,14 +111,14 @@ def rows(effort: Effort) -> Iterator[Row]:
     side = SIDES[-1]
     found = measured(side, effort.rounds(QUESTIONS, 15))
     where = f"{side} x {side}, {found.regions} regions"
-    mine, theirs = f"{1e3 * np.median(found.quick):.1f} ms", float(np.median(found.beside))
-    scipy = f"Dijkstra in scipy {1e3 * theirs:,.0f} ms"
+    mine, theirs = f"{1e3 * np.median(found.quick):.1f} CPU ms", float(np.median(found.beside))
+    scipy = f"Dijkstra in scipy {1e3 * theirs:,.0f} CPU ms"
     yield Row(
         5, f"way between two places, {where}", mine, scipy,
         [theirs / took for took in found.quick], at_least(10),
     )  # fmt: skip
     yield Row(
-        5, "the same, exact=True", f"{1e3 * np.median(found.exact):.1f} ms", scipy,
+        5, "the same, exact=True", f"{1e3 * np.median(found.exact):.1f} CPU ms", scipy,
         [theirs / took for took in found.exact],
     )  # fmt: skip
     bound = [0.001 + flood for flood in found.flood]

@@ -97,7 +97,7 @@ def spread(values: Sequence[float]) -> str:
 
 
 HEADINGS = "#", "what", "ours", "beside", "ratio: median (range)", "target", "reached"
-WIDTHS = 2, 50, 24, 34, 24, 10, 7
+WIDTHS = 2, 51, 24, 36, 26, 12, 7
 
 
 def line(cells: Sequence[str]) -> str:
