@@ -33,7 +33,7 @@ REPORT = """
 from tests.benchmarks.processes import peak_mb
 print(len(model), peak_mb())
 """
-SIDE = 1500
+ROWS, COLUMNS = 1700, 1700
 LEARNERS = "hql", "hql-replay"
 
 
@@ -45,7 +45,7 @@ def rows(effort: Effort) -> Iterator[Row]:
         yield bounded(8, f"peak of {learner} on the office, {states:,} states", "MB", [peak], 200)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "map.png"
-        cv2.imwrite(str(file), image(SIDE))
+        cv2.imwrite(str(file), image(2000)[:ROWS, :COLUMNS])
         for learner in LEARNERS:
             states, peak = measured(MILLION.format(file=str(file), learner=learner))
             yield bounded(8, f"peak of {learner} on floor plans, {states:,} states", "MB", [peak], 600)
