@@ -28,5 +28,5 @@ solver.relative_termination_criterion = False
 asked = stormpy.parse_property(f'R{{"reward"}}max=? [ Cdiscount={gamma} ]')
 found = []
 seconds = cpu_seconds(lambda: found.append(stormpy.model_checking(model, asked, environment=environment)))
-save(np.array(found[0].get_values()))
+save(np.array([found[0].get_value(state) for state in range(n_states)]))
 answer(seconds=seconds)
