@@ -47,6 +47,7 @@ MUSHROOM = Peer(
         ("--no-deps", "mushroom-rl==1.10.2"),
     ),
 )
+JAX = Peer("jax", "JAX vmap", (("jax==0.10.2",),))
 QUANTECON = Peer("quantecon", "QuantEcon", (("quantecon==0.11.4",),))
 STORM = Peer("storm", "Storm", (("stormpy==2.0.0", "numpy"),))
 
