@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import subprocess
 import sys
 
 import numpy as np
@@ -14,7 +13,7 @@ from tests.benchmarks import peers
 from tests.benchmarks.effort import Effort
 from tests.benchmarks.exact_values import ERROR, GAMMA, value_iteration, world
 from tests.benchmarks.peers import Environments, Peer, PeerError
-from tests.benchmarks.processes import apart, peak_mb, run_python
+from tests.benchmarks.processes import ProcessError, apart, peak_mb, run, run_python
 from tests.benchmarks.table import HEADINGS, Row, at_least, at_most, bounded, line, short, spread, summary
 from tests.benchmarks.worlds_for_peers import maze_data, option_moves, sparse_table
 from tests.learning_worlds import rooms
@@ -129,7 +128,7 @@ def test_a_peer_is_installed_once_and_a_failure_is_remembered(tmp_path, monkeypa
 
     def works(command, seconds, trouble):
         calls.append(command[1:3])
-        return subprocess.CompletedProcess(command, 0, stdout=json.dumps({"calls": len(calls)}))
+        return json.dumps({"calls": len(calls)})
 
     monkeypatch.setattr(peers, "_run", works)
     assert [Environments(tmp_path).run(peer, {}) for _ in range(2)] == [{"calls": 2}, {"calls": 3}]
@@ -171,5 +170,9 @@ def test_processes_are_measured_on_their_own():
     busy = "import time\nwhile time.process_time() < 0.5: pass"
     assert 0.4 < run_python(busy).cpu_s < 2
     assert apart(peak_mb) < block.nbytes / 2**20
-    with pytest.raises(subprocess.CalledProcessError):
+    with pytest.raises(ProcessError, match="no luck"):
+        run_python("raise SystemExit('no luck')")
+    with pytest.raises(ProcessError, match="exit code 3"):
         run_python("raise SystemExit(3)")
+    with pytest.raises(ProcessError, match="not done after"):
+        run([sys.executable, "-c", "import time; time.sleep(9)"], most_s=0.2)

@@ -99,7 +99,8 @@ def main() -> None:
     for row in all_rows(chosen.only, Effort(chosen.quick, Environments(chosen.peers.resolve()))):
         printed.append(row)
         print(line(row.cells), flush=True)
-    print(f"{summary(printed)}; {(time.perf_counter() - begun) / 60:.0f} minutes")
+    wall, cpu = time.perf_counter() - begun, sum(os.times()[:4])
+    print(f"{summary(printed)}; {wall / 60:.0f} minutes, {cpu / 60:.0f} of CPU, peers' installation included")
 
 
 if __name__ == "__main__":

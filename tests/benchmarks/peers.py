@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from tests.benchmarks.processes import ProcessError, run
+
 SCRIPTS = Path(__file__).with_name("peer_scripts")
 INSTALL_S, RUN_S = 900, 600
 """Longer is given up."""
@@ -69,8 +71,8 @@ class Environments:
             file = Path(folder) / "data.npz"
             np.savez(file, **data)
             command = [str(python), str(SCRIPTS / f"with_{script or peer.name}.py"), str(file)]
-            done = _run(command, RUN_S, f"{peer.title} failed")
-        found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+            output = _run(command, RUN_S, f"{peer.title} failed")
+        found: dict[str, Any] = json.loads(output.splitlines()[-1])
         return found
 
     def _python(self, peer: Peer) -> Path:
@@ -95,12 +97,9 @@ class Environments:
         return python
 
 
-def _run(command: list[str], seconds: float, trouble: str) -> subprocess.CompletedProcess[str]:
-    """Run a command; raises PeerError with the last line that it wrote."""
+def _run(command: list[str], most_s: float, trouble: str) -> str:
+    """What a command writes; raises PeerError."""
     try:
-        return subprocess.run(command, check=True, capture_output=True, text=True, timeout=seconds)
-    except subprocess.TimeoutExpired:
-        raise PeerError(f"{trouble}: not done after {seconds} s") from None
-    except subprocess.CalledProcessError as error:
-        lines = [line for line in error.stderr.splitlines() if line.strip()] or [f"exit code {error.returncode}"]
-        raise PeerError(f"{trouble}: {lines[-1].strip()[:80]}") from None
+        return run(command, most_s=most_s).output
+    except ProcessError as error:
+        raise PeerError(f"{trouble}: {error}") from None

@@ -24,12 +24,22 @@ class Finished:
     output: str
 
 
-def run(command: Sequence[str], environment: Mapping[str, str] | None = None) -> Finished:
-    """Run a command to its end.  Raises subprocess.CalledProcessError with what it wrote when it fails."""
+class ProcessError(Exception):
+    """A process that failed or was given up; says why in a few words."""
+
+
+def run(command: Sequence[str], environment: Mapping[str, str] | None = None, most_s: float | None = None) -> Finished:
+    """Run a command to its end.  Raises ProcessError with the last line it wrote, or when it takes too long."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run(
-        command, check=True, capture_output=True, text=True, env={**os.environ, **(environment or {})}
-    )
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=most_s, env={**os.environ, **(environment or {})}
+        )
+    except subprocess.TimeoutExpired:
+        raise ProcessError(f"not done after {most_s} s") from None
+    if done.returncode:
+        lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
+        raise ProcessError(lines[-1][:80] if lines else f"exit code {done.returncode}")
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return Finished(after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime, done.stdout)
 
