@@ -11,11 +11,11 @@ from qualrl.models.landmark_ways import NONE, LandmarkWays
 from tests.benchmarks import __main__ as command
 from tests.benchmarks import peers
 from tests.benchmarks.effort import Effort
-from tests.benchmarks.exact_values import ERROR, GAMMA, value_iteration, world
+from tests.benchmarks.exact_values import ERROR, GAMMA, sparse_table, value_iteration, world
 from tests.benchmarks.peers import Environments, Peer, PeerError
 from tests.benchmarks.processes import ProcessError, apart, peak_mb, run, run_python
 from tests.benchmarks.table import HEADINGS, Row, at_least, at_most, bounded, line, short, spread, summary
-from tests.benchmarks.worlds_for_peers import maze_data, option_moves, sparse_table
+from tests.benchmarks.worlds_for_peers import maze_data, option_moves
 from tests.learning_worlds import rooms
 
 

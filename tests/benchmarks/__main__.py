@@ -22,6 +22,7 @@ from pathlib import Path
 
 from tests.benchmarks import (
     against_c,
+    exact_peers,
     exact_values,
     flat_peers,
     learning_speed,
@@ -41,7 +42,7 @@ Part = Callable[[Effort], Iterator[Row]]
 PARTS: dict[int, tuple[Part, ...]] = {
     1: (against_c.rows, textbook.rows, flat_peers.rows),
     2: (learning_speed.rows, options_peer.rows),
-    3: (exact_values.rows,),
+    3: (exact_values.rows, exact_peers.rows),
     4: (maps.rows,),
     5: (routes.rows,),
     6: (seeds.rows,),

@@ -9,11 +9,9 @@ exact values.  MB: peak of a whole process.
 """
 
 import argparse
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -24,10 +22,8 @@ from scipy.sparse import csr_array
 from qualrl.models.grid_world import GridWorld
 from qualrl.solving.exact import exact_values
 from tests.benchmarks.effort import Effort
-from tests.benchmarks.peers import QUANTECON, STORM, PeerError
 from tests.benchmarks.processes import apart, peak_mb
-from tests.benchmarks.table import Row, bounded, short
-from tests.benchmarks.worlds_for_peers import sparse_table
+from tests.benchmarks.table import Row, bounded
 
 SIDES = (109, 345, 1085)
 SLIPS = (0.05, 0.2, 0.5)
@@ -36,7 +32,6 @@ ERROR = 5e-3
 ROUNDS = 5
 BOUNDS = {345: 0.05, 1085: 1.0}
 """CPU seconds that maps of these sides may take."""
-PEERS_SLIP = 0.2
 
 
 def world(side: int, slip: float) -> GridWorld:
@@ -47,6 +42,18 @@ def world(side: int, slip: float) -> GridWorld:
     wall[goal] = False
     piece, _ = ndimage.label(~wall)
     return GridWorld(piece == piece[goal], goal, GAMMA, slip)
+
+
+def sparse_table(grid: GridWorld) -> tuple[csr_array, NDArray[np.float64]]:
+    """((S A, S) probabilities, (S A,) expected rewards) of a world whose goal is kept for ever, at no reward."""
+    table = grid.table()
+    target, reward = table.target.astype(np.int32), table.reward.copy()
+    at_goal = slice(*table.row_start[[grid.goal * grid.n_actions, (grid.goal + 1) * grid.n_actions]])
+    target[at_goal], reward[at_goal] = grid.goal, 0.0
+    rows = len(table.row_start) - 1
+    matrix = csr_array((table.probability.copy(), target, table.row_start.astype(np.int32)), (rows, len(grid)))
+    matrix.sum_duplicates()
+    return matrix, np.add.reduceat(table.probability * reward, table.row_start[:-1])
 
 
 def value_iteration(grid: GridWorld, step: csr_array, reward: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -112,7 +119,7 @@ def solved(grid: GridWorld, rounds: int) -> Solved:
 
 
 def rows(effort: Effort) -> Iterator[Row]:
-    """Target 3's rows beside its bounds, then beside scipy and peers at one slip."""
+    """Target 3's rows beside its bounds."""
     exact_values(world(21, SLIPS[0]))  # compile
     rounds = effort.rounds(ROUNDS, 3)
     for side, bound in BOUNDS.items():
@@ -123,33 +130,6 @@ def rows(effort: Effort) -> Iterator[Row]:
     yield bounded(3, f"breadth-first distances, {len(grid):,} states", "CPU s", found.order, 0.035)
     for slip in SLIPS:
         yield bounded(3, f"peak, {len(grid):,} states, slip {slip}", "MB", [apart(peak_of, side, slip)], 350)
-    yield from beside_peers(effort, world(SIDES[1] if effort.quick else SIDES[2], PEERS_SLIP))
-
-
-def beside_peers(effort: Effort, grid: GridWorld) -> Iterator[Row]:
-    """Rows beside other solvers, for which no ratio is set; seconds without what it takes to build their models."""
-    mine = float(np.median(solved(grid, 3).both))
-    what = f"exact values, {len(grid):,} states, slip {grid.slip}"
-
-    def row(title: str, seconds: float) -> Row:
-        return Row(3, what, f"{short(mine)} CPU s", f"{title} {short(seconds)} CPU s", [seconds / mine])
-
-    yield row("scipy", beside_scipy(grid))
-    step, reward = sparse_table(grid)
-    with tempfile.TemporaryDirectory() as folder:
-        values_in = Path(folder) / "values.npy"
-        data = {
-            "n_actions": grid.n_actions, "gamma": GAMMA, "error": ERROR, "values_in": str(values_in), "reward": reward,
-            "probability": step.data, "target": step.indices, "row_start": step.indptr,
-        }  # fmt: skip
-        for peer in (QUANTECON, STORM):
-            try:
-                seconds = effort.environments.run(peer, data)["seconds"]
-                check_error(np.load(values_in), grid)
-            except (PeerError, AssertionError) as error:
-                yield Row(3, what, beside=peer.title, missing=str(error))
-                continue
-            yield row(peer.title, seconds)
 
 
 def line(side: int, slip: float) -> str:

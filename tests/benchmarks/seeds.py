@@ -19,7 +19,7 @@ from tests.worlds import PUZZLE, grid_of
 
 LEARNERS = "q-learning", "hql", "hql-replay", "option-q"
 RUNS, EPISODES = 16, {"q-learning": 60_000, "hql-replay": 40_000}
-TASKS = 2000
+TASKS = 500
 
 
 def took(model: qualrl.HybridMDP, seeds: int, learner: str, threads: int | None, episodes: int) -> tuple[float, float]:
