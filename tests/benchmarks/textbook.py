@@ -1,0 +1,88 @@
+"""Q-learning's compiled loop beside the loop that tutorials show, for the same number of steps.
+
+    python -m tests.benchmarks.textbook
+
+CPU seconds of one thread; rounds alternate.
+"""
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+import qualrl
+from tests.benchmarks.against_c import ALPHA, EPSILON, ours, puzzle
+from tests.benchmarks.effort import Effort
+from tests.benchmarks.table import Row, at_least, short, spread
+
+ROUNDS = 5
+STEPS = 200_000
+
+
+class Maze(gymnasium.Env[Any, Any]):
+    """A grid world as Gymnasium has it."""
+
+    def __init__(self, model: qualrl.HybridMDP) -> None:
+        self.observation_space = gymnasium.spaces.Discrete(len(model))
+        self.action_space = gymnasium.spaces.Discrete(4)
+        self.model, self.state = model, model.start or 0
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[int, dict[str, Any]]:
+        """Back to the start."""
+        super().reset(seed=seed)
+        self.state = self.model.start or 0
+        return self.state, {}
+
+    def step(self, action: int) -> tuple[int, float, bool, bool, dict[str, Any]]:
+        """One move."""
+        grid = self.model.grid
+        self.state = int(grid.successor[self.state, action])
+        over = self.state == grid.goal
+        return self.state, grid.goal_reward if over else grid.step_reward, over, False, {}
+
+
+def gymnasium_speed(model: qualrl.HybridMDP, seed: int) -> float:
+    """Million steps a second of the loop that tutorials show: a numpy table and Gymnasium's interface."""
+    world, generator = Maze(model), np.random.default_rng(seed)
+    q = np.zeros((len(model), 4))
+    begun = time.thread_time()
+    state, _ = world.reset(seed=seed)
+    for _ in range(STEPS):
+        explores = generator.random() < EPSILON
+        best = np.flatnonzero(q[state] == q[state].max())
+        action = int(generator.integers(4)) if explores else int(generator.choice(best))
+        after, reward, over, _, _ = world.step(action)
+        target = reward + model.grid.gamma * (0.0 if over else q[after].max())
+        q[state, action] += ALPHA * (target - q[state, action])
+        state = world.reset()[0] if over else after
+    return STEPS / (time.thread_time() - begun) / 1e6
+
+
+def measured(rounds: int) -> NDArray[np.float64]:
+    """(rounds, 2) million steps a second: ours, and the textbook loop's."""
+    model = puzzle()
+    ours(model, 1000, 0)  # compile
+    return np.array([(ours(model, STEPS, seed).speed, gymnasium_speed(model, seed)) for seed in range(rounds)])
+
+
+def rows(effort: Effort) -> Iterator[Row]:
+    """Target 1's row beside the textbook loop."""
+    found = measured(effort.rounds(ROUNDS, 2))
+    mine, theirs = np.median(found, axis=0)
+    yield Row(
+        1, f"Q-learning, 13 x 13 puzzle, {STEPS:,} steps", f"{short(mine)} M steps/s",
+        f"numpy over Gymnasium {short(theirs)}", found[:, 0] / found[:, 1], at_least(1000),
+    )  # fmt: skip
+
+
+def main() -> None:
+    """Print how many times as long the textbook loop takes."""
+    found = measured(ROUNDS)
+    print(f"the textbook loop over Gymnasium: {spread(found[:, 0] / found[:, 1])} times as long")
+
+
+if __name__ == "__main__":
+    main()
