@@ -313,59 +313,62 @@ def run_steps(
             at, r0, r1, r2, r3 = started(starts, r0, r1, r2, r3)
             s, total, running, pending = int64(at), 0.0, -1, -1
             here = _spot(rows, n_options, s)
-        if running < 0:
-            high = here.row + here.k + n_actions
-            best, pick, ties = _look(q, visits, alpha, here.row, high, pending, gain, discount)
-            u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
-            exploring = worst is None and (u >> uint64(32)) < explore
-            if exploring or ties > 1:
-                pick = chosen(q, here.row, high, best, ties, exploring, u)
-            gain, discount = 0.0, 1.0
-            if worst is None:
-                pending = pick
-            a = pick - here.row - here.k
-            if a < 0:
-                running = int64(rows.option[here.start + pick - here.row])
-        if running >= 0:
-            place = int64(rows.position[here.base + running])
-            if policy is not None:
-                a = int64(policy[here.row + place])
-            if policy is None:
-                low = here.row + here.k + n_actions + place * n_actions
-                waits = pending if machine is not None else int64(-1)
-                best, pick, ties = _look(q, visits, alpha, low, low + n_actions, waits, gain, discount)
+        until, over = min(rates.max_steps, t + n_steps - done), False
+        done -= t
+        while not over and t < until:
+            if running < 0:
+                high = here.row + here.k + n_actions
+                best, pick, ties = _look(q, visits, alpha, here.row, high, pending, gain, discount)
                 u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
-                exploring = (u >> uint64(32)) < explore
+                exploring = worst is None and (u >> uint64(32)) < explore
                 if exploring or ties > 1:
-                    pick = chosen(q, low, low + n_actions, best, ties, exploring, u)
-                a = pick - low
-                if machine is not None:
-                    pending, gain, discount = pick, 0.0, 1.0
-                if agents is not None and q[pick] < best:
-                    pending = -1  # a move tried out, not the sub-agent's: the switch learns nothing from it
-        moved, over, reward, r0, r1, r2, r3 = moved_on(
-            grid, slip, table, uint64(s), uint64(a), n_actions, r0, r1, r2, r3
-        )
-        s = int64(moved)
-        there = _spot(rows, n_options, s)
-        gain += discount * reward
-        discount *= gamma
-        total += reward
-        t += 1
-        done += 1
-        if intra is not None:
-            pending = -1
-            _learn_options(q, visits, rates, rows, policy, n_actions, here, there, a, over, reward)
-        if agents is not None:
-            running = -1
-            _learn_agents(q, visits, rates, rows, agents, worst, n_actions, here, there, s, a, over, reward)
-        if agents is None and running >= 0:
-            place = int64(rows.position[there.base + running])
-            if place < 0 or q[there.row + place] == -np.inf:
+                    pick = chosen(q, here.row, high, best, ties, exploring, u)
+                gain, discount = 0.0, 1.0
+                if worst is None:
+                    pending = pick
+                a = pick - here.row - here.k
+                if a < 0:
+                    running = int64(rows.option[here.start + pick - here.row])
+            if running >= 0:
+                place = int64(rows.position[here.base + running])
+                if policy is not None:
+                    a = int64(policy[here.row + place])
+                if policy is None:
+                    low = here.row + here.k + n_actions + place * n_actions
+                    waits = pending if machine is not None else int64(-1)
+                    best, pick, ties = _look(q, visits, alpha, low, low + n_actions, waits, gain, discount)
+                    u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
+                    exploring = (u >> uint64(32)) < explore
+                    if exploring or ties > 1:
+                        pick = chosen(q, low, low + n_actions, best, ties, exploring, u)
+                    a = pick - low
+                    if machine is not None:
+                        pending, gain, discount = pick, 0.0, 1.0
+                    if agents is not None and q[pick] < best:
+                        pending = -1  # a move tried out, not the sub-agent's: the switch learns nothing from it
+            moved, over, reward, r0, r1, r2, r3 = moved_on(
+                grid, slip, table, uint64(s), uint64(a), n_actions, r0, r1, r2, r3
+            )
+            s = int64(moved)
+            there = _spot(rows, n_options, s)
+            gain += discount * reward
+            discount *= gamma
+            total += reward
+            t += 1
+            if intra is not None:
+                pending = -1
+                _learn_options(q, visits, rates, rows, policy, n_actions, here, there, a, over, reward)
+            if agents is not None:
                 running = -1
-        if over and pending >= 0:
-            _learn(q, visits, alpha, pending, gain)
-        here = there
+                _learn_agents(q, visits, rates, rows, agents, worst, n_actions, here, there, s, a, over, reward)
+            if agents is None and running >= 0:
+                place = int64(rows.position[there.base + running])
+                if place < 0 or q[there.row + place] == -np.inf:
+                    running = -1
+            if over and pending >= 0:
+                _learn(q, visits, alpha, pending, gain)
+            here = there
+        done += t
         if over or t >= rates.max_steps:
             t, episode = ended(progress, t, episode, total)
     left_off(progress, r0, r1, r2, r3, s, t, episode, total)
