@@ -4,11 +4,13 @@ H, W: rows, columns.  F: free cells.  Z: zones.  E: contacts between zones.
 All moves are 4-connected.  Lengths and areas are in cells.  -1 stands for "none" in every label.
 """
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.kernels.bands import in_bands
 from qualrl.kernels.bonds import Bonds, append, find, tidy
 from qualrl.kernels.instructions import AHEAD, ask_around, prefetch
 from qualrl.kernels.jit import compiled, compiled_part
@@ -222,16 +224,21 @@ def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, s
     return _numbered(forest, height, width)
 
 
-@compiled
 def crossings(label: Ints) -> Ints:
     """(steps, 2) flat indices of the two cells of every step between two labels, neither of them -1."""
+    return np.concatenate(in_bands(partial(crossings_from, label), label.shape))
+
+
+@compiled
+def crossings_from(label: Ints, top: int, bottom: int) -> Ints:
+    """Those of the steps that begin in the rows from top to bottom."""
     height, width = label.shape
     flat = label.ravel()
     count = 0
     for fill in range(2):
         found = np.empty((count * fill, 2), np.int32)
         count = 0
-        for row in range(height):
+        for row in range(top, bottom):
             for cell in range(row * width, row * width + width):
                 here = flat[cell]
                 if here < 0:
@@ -291,6 +298,23 @@ def _host(zone: int, area: Floats, breadth: Floats, bonds: Bonds, rules: Rules) 
         if length > touch and (speck or (level and not corridor_end)):
             host, touch = other, length
     return host
+
+
+@compiled
+def distance_near(ends: Ints, height: int, width: int, most: float) -> Floats:
+    """(H, W) from each cell to the nearest of some cells (N, 2), flat indices; beyond ``most`` it may be infinite."""
+    away = np.full((height, width), np.inf, np.float32)
+    reach = int(np.ceil(most))
+    distance = np.empty((reach + 1, reach + 1), np.float32)
+    for down in range(reach + 1):
+        for right in range(reach + 1):
+            distance[down, right] = np.sqrt(np.float32(down * down + right * right))
+    for end in ends.ravel():
+        row, column = end // width, end % width
+        for r in range(max(row - reach, 0), min(row + reach + 1, height)):
+            for c in range(max(column - reach, 0), min(column + reach + 1, width)):
+                away[r, c] = min(away[r, c], distance[abs(r - row), abs(c - column)])
+    return away
 
 
 @compiled

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from qualrl.errors import SettingError
 from qualrl.kernels import regions as kernels
+from qualrl.kernels.bands import both
 from qualrl.kernels.labels import as_label, consecutive, labels_at, renumber, sizes
 from qualrl.spatial.description import describe, mean_half_width, measure
 from qualrl.spatial.doorways import find_doorways, renumbered
@@ -72,11 +73,15 @@ def segment(
     label.ravel()[in_pockets] = pocket + label.max() + 1
     is_pocket = np.zeros(consecutive(label), np.bool_)
     is_pocket[label.ravel()[in_pockets]] = True
-    half_width = mean_half_width(label, view.width_on_grid(view.thickness))
-    distance, thing = view.width_on_grid(view.distance), view.to_grid(view.thing, -1)
+    half_width, (distance, thing) = both(
+        lambda: mean_half_width(label, view.width_on_grid(view.thickness)),
+        lambda: (view.width_on_grid(view.distance), view.to_grid(view.thing, -1)),
+    )
     del view
-    parts = measure(label, is_pocket, half_width)
-    unordered = find_doorways(label, distance, thing, pinch * half_width, resolution_m)
+    parts, unordered = both(
+        lambda: measure(label, is_pocket, half_width),
+        lambda: find_doorways(label, distance, thing, pinch * half_width, resolution_m),
+    )
     del thing
     regions, order = describe(parts, unordered, grid.occupied, resolution_m)
     rank = np.argsort(order).astype(np.int32)
