@@ -342,19 +342,21 @@ def flood(label: Ints, mask: Flags, depth: Floats) -> Ints:
     """
     height, width = label.shape
     result, inside, depths = label.ravel(), mask.ravel(), depth.ravel()
-    top = 0
-    for cell in range(result.size):
-        top = max(top, int(8 * depths[cell]))
+    top = int(8 * depths.max())
     head = np.full(top + 1, -1, np.int32)
     tail = head.copy()
     following = np.empty(result.size, np.int32)
-    for cell in range(result.size):
-        if result[cell] < 0 or not inside[cell]:
-            continue
-        for other in _beside(cell, height, width):
-            if other >= 0 and inside[other] and result[other] < 0:
+    for row in range(height):
+        start, end = row * width, (row + 1) * width
+        for cell in range(start, end):
+            if result[cell] < 0 or not inside[cell]:
+                continue
+            is_front = cell > start and inside[cell - 1] and result[cell - 1] < 0
+            is_front |= cell + 1 < end and inside[cell + 1] and result[cell + 1] < 0
+            is_front |= row > 0 and inside[cell - width] and result[cell - width] < 0
+            is_front |= row + 1 < height and inside[cell + width] and result[cell + width] < 0
+            if is_front:
                 _enqueue(cell, int(8 * depths[cell]), head, tail, following)
-                break
     while top >= 0:
         cell = head[top]
         if cell < 0:

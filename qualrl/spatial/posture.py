@@ -1,8 +1,9 @@
 """One way to look at a map, however it is turned by quarters or mirrored: so its regions are turned with it."""
 
 from itertools import product
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,13 +20,29 @@ class Posture(NamedTuple):
 
     def of(self, array: NDArray[Number]) -> NDArray[Number]:
         """An array (rows, columns) of the grid as it is shown."""
-        shown = array.T if self.transposed else array
-        return np.ascontiguousarray(shown[:: -1 if self.upside_down else 1, :: -1 if self.mirrored else 1])
+        return self._flipped(_transposed(array) if self.transposed else array)
 
     def back(self, shown: NDArray[Number]) -> NDArray[Number]:
         """An array of the grid from what is shown."""
-        array = shown[:: -1 if self.upside_down else 1, :: -1 if self.mirrored else 1]
-        return array.T if self.transposed else array
+        array = self._flipped(shown)
+        return _transposed(array) if self.transposed else array
+
+    def _flipped(self, array: NDArray[Number]) -> NDArray[Number]:
+        """An array upside down, mirrored, or both, if so: in the order of memory."""
+        if not (self.upside_down or self.mirrored):
+            return np.ascontiguousarray(array)
+        axis = -1 if self.upside_down and self.mirrored else int(self.mirrored)
+        return cv2.flip(_in_whole_numbers(array), axis).view(array.dtype)
+
+
+def _transposed(array: NDArray[Number]) -> NDArray[Number]:
+    """The rows of an array as its columns: OpenCV keeps to a part that fits the processor's cache, numpy does not."""
+    return cv2.transpose(_in_whole_numbers(array)).view(array.dtype)
+
+
+def _in_whole_numbers(array: NDArray[Number]) -> NDArray[Any]:
+    """The same memory as OpenCV takes it: it knows no flags."""
+    return np.ascontiguousarray(array).view(np.uint8 if array.dtype == np.bool_ else array.dtype)
 
 
 def posture(free: Flags) -> Posture:

@@ -68,15 +68,12 @@ def segment(
     shown = view.posture
     seen, free = shown.of(seen), shown.of(free)
     label = shown.back(_settled(seen, free, min_area_m2 / resolution_m**2))
-    label = np.ascontiguousarray(label)
     del seen, free
     label.ravel()[in_pockets] = pocket + label.max() + 1
     is_pocket = np.zeros(consecutive(label), np.bool_)
     is_pocket[label.ravel()[in_pockets]] = True
-    half_width, (distance, thing) = both(
-        lambda: mean_half_width(label, view.width_on_grid(view.thickness)),
-        lambda: (view.width_on_grid(view.distance), view.to_grid(view.thing, -1)),
-    )
+    half_width = mean_half_width(label, view.width_on_grid(view.thickness))
+    distance, thing = view.width_on_grid(view.distance), view.to_grid(view.thing, -1)
     del view
     parts, unordered = both(
         lambda: measure(label, is_pocket, half_width),
@@ -115,13 +112,11 @@ def _walled(
     """(H, W) regions of a map that shows walls, seen in larger cells where its own are very small."""
     height, width = free.shape
     times = max(int(SIDE_M / resolution_m + 0.2), 1)
-    large = shrunk(free, times, False)
-    if times > 1 and large.any():
-        view, occupied = look(large, resolution_m * times, furniture_m), shrunk(occupied, times, True)
-    else:
-        times = 1
-    found = view.to_grid(merged_regions(view, occupied, min_area_m2), -1)
-    return found if times == 1 else found.repeat(times, 0).repeat(times, 1)[:height, :width]
+    if times == 1 or not (large := shrunk(free, times, False)).any():
+        return view.to_grid(merged_regions(view, occupied, min_area_m2), -1)
+    view = look(large, resolution_m * times, furniture_m)
+    found = view.to_grid(merged_regions(view, shrunk(occupied, times, True), min_area_m2), -1)
+    return found.repeat(times, 0).repeat(times, 1)[:height, :width]
 
 
 def _settled(seen: Labels, free: Flags, min_area: float) -> Labels:
