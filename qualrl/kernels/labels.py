@@ -98,7 +98,7 @@ def row_ends(label: Ints, box: NDArray[np.int64]) -> tuple[NDArray[np.int64], In
 
 
 @compiled
-def fill_holes(label: Ints, hole: Ints, box: Ints, width: Floats) -> None:
+def fill_holes(label: Ints, hole: Any, box: Any, width: Floats) -> None:
     """Fill what one label alone surrounds and is shorter than that label is wide; the label image (H, W) is updated.
 
     hole (H, W) number of the 8-connected piece of what has no label, 0 elsewhere; box (holes, 4) the left, top,

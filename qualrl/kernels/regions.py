@@ -309,8 +309,9 @@ def distance_near(ends: Ints, height: int, width: int, most: float) -> Floats:
     for down in range(reach + 1):
         for right in range(reach + 1):
             distance[down, right] = np.sqrt(np.float32(down * down + right * right))
-    for end in ends.ravel():
-        row, column = end // width, end % width
+    flat = ends.ravel()
+    for at in range(flat.size):
+        row, column = flat[at] // width, flat[at] % width
         for r in range(max(row - reach, 0), min(row + reach + 1, height)):
             for c in range(max(column - reach, 0), min(column + reach + 1, width)):
                 away[r, c] = min(away[r, c], distance[abs(r - row), abs(c - column)])

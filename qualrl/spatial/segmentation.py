@@ -3,6 +3,7 @@
 H, W: rows, columns of the grid.
 """
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -76,8 +77,8 @@ def segment(
     distance, thing = view.width_on_grid(view.distance), view.to_grid(view.thing, -1)
     del view
     parts, unordered = both(
-        lambda: measure(label, is_pocket, half_width),
-        lambda: find_doorways(label, distance, thing, pinch * half_width, resolution_m),
+        partial(measure, label, is_pocket, half_width),
+        partial(find_doorways, label, distance, thing, pinch * half_width, resolution_m),
     )
     del thing
     regions, order = describe(parts, unordered, grid.occupied, resolution_m)

@@ -49,10 +49,10 @@ def find_wall_lines(wall: Flags, clear: Flags, cell_m: float) -> WallLines:
     """Lines across the gaps of the walls of a map: wall (h, w), clear (h, w) what is free, side of a cell."""
     turn_deg = main_turn_deg(wall)
     there, size = _upright(turn_deg, wall.shape)
-    turned = _turned(wall, clear, there, size)
+    walls, free = _turned(wall, clear, there, size)
     ends, lengths = [], []
-    across = partial(_gaps, *map(cv2.transpose, turned), cell_m)
-    for flip, gap in enumerate(both(partial(_gaps, *turned, cell_m), across)):
+    across = partial(_gaps, np.asarray(cv2.transpose(walls)), np.asarray(cv2.transpose(free)), cell_m)
+    for flip, gap in enumerate(both(partial(_gaps, walls, free, cell_m), across)):
         slack = max(round(SLACK_M / cell_m), 1)
         row, first, last = gap[:, 0], gap[:, 1] - slack, gap[:, 2] + slack
         corners = np.stack([first, row, last, row], axis=1).reshape(-1, 2, 2)
