@@ -1,7 +1,7 @@
 """One way to look at a map, however it is turned by quarters or mirrored: so its regions are turned with it."""
 
 from itertools import product
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import cv2
 import numpy as np
@@ -20,29 +20,36 @@ class Posture(NamedTuple):
 
     def of(self, array: NDArray[Number]) -> NDArray[Number]:
         """An array (rows, columns) of the grid as it is shown."""
-        return self._flipped(_transposed(array) if self.transposed else array)
+        shown = np.empty(array.shape[::-1] if self.transposed else array.shape, array.dtype)
+        return _turned(array, shown, self.transposed, self.upside_down, self.mirrored)
 
-    def back(self, shown: NDArray[Number]) -> NDArray[Number]:
-        """An array of the grid from what is shown."""
-        array = self._flipped(shown)
-        return _transposed(array) if self.transposed else array
-
-    def _flipped(self, array: NDArray[Number]) -> NDArray[Number]:
-        """An array upside down, mirrored, or both, if so: in the order of memory."""
-        if not (self.upside_down or self.mirrored):
-            return np.ascontiguousarray(array)
-        axis = -1 if self.upside_down and self.mirrored else int(self.mirrored)
-        return cv2.flip(_in_whole_numbers(array), axis).view(array.dtype)
+    def back(self, shown: NDArray[Number], into: NDArray[Number] | None = None) -> NDArray[Number]:
+        """An array of the grid from what is shown, written into one of its shape if given."""
+        if into is None:
+            into = np.empty(shown.shape[::-1] if self.transposed else shown.shape, shown.dtype)
+        if self.transposed:
+            return _turned(shown, into, True, self.mirrored, self.upside_down)
+        return _turned(shown, into, False, self.upside_down, self.mirrored)
 
 
-def _transposed(array: NDArray[Number]) -> NDArray[Number]:
-    """The rows of an array as its columns: OpenCV keeps to a part that fits the processor's cache, numpy does not."""
-    return cv2.transpose(_in_whole_numbers(array)).view(array.dtype)
+def _turned(
+    array: NDArray[Number], into: NDArray[Number], transposed: bool, upside_down: bool, mirrored: bool
+) -> NDArray[Number]:
+    """``into``, with the array written to it: rows as columns, then upside down, then mirrored, each if so.
 
-
-def _in_whole_numbers(array: NDArray[Number]) -> NDArray[Any]:
-    """The same memory as OpenCV takes it: it knows no flags."""
-    return np.ascontiguousarray(array).view(np.uint8 if array.dtype == np.bool_ else array.dtype)
+    OpenCV keeps to a part that fits the processor's cache, numpy does not.
+    """
+    kind = np.uint8 if array.dtype == np.bool_ else array.dtype  # OpenCV knows no flags
+    source, target = array.view(kind), into.view(kind)
+    axis = -1 if upside_down and mirrored else int(mirrored)
+    if transposed:
+        cv2.transpose(source, target)
+        source = target
+    if upside_down or mirrored:
+        cv2.flip(source, axis, target)
+    elif not transposed:
+        into[:] = array
+    return into
 
 
 def posture(free: Flags) -> Posture:

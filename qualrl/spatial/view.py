@@ -80,7 +80,7 @@ class View:
         rows, columns = self.window
         whole[: rows.start] = whole[rows.stop :] = elsewhere
         whole[rows, : columns.start] = whole[rows, columns.stop :] = elsewhere
-        whole[self.window] = self.posture.back(array[1:-1, 1:-1][:: self.zoom, :: self.zoom])
+        self.posture.back(array[1:-1, 1:-1][:: self.zoom, :: self.zoom], whole[self.window])
         return whole
 
     def width_on_grid(self, width: Floats) -> Floats:
