@@ -86,3 +86,33 @@ def local_thickness(distance):
             if abs(r - row) < radius and (c == column or abs(c - column) < math.sqrt(off) - 1e-3):
                 found[r, c] = max(found[r, c], radius)
     return found
+
+
+def holes_filled(label, width):
+    """The labels with what one of them alone surrounds, and is shorter than it is wide, filled."""
+    filled = label.copy()
+    for hole in pieces_by_corners(label):
+        rows, columns = zip(*hole, strict=True)
+        around = {(row + down, column + right) for row, column in hole for down in (-1, 0, 1) for right in (-1, 0, 1)}
+        if any(not (0 <= row < label.shape[0] and 0 <= column < label.shape[1]) for row, column in around):
+            continue
+        (number, *others) = {int(label[cell]) for cell in around - hole}
+        longer = max(max(side) - min(side) + 1 for side in (rows, columns))
+        if not others and longer < width[number]:
+            for cell in hole:
+                filled[cell] = number
+    return filled
+
+
+def pieces_by_corners(label):
+    """Sets of the cells without a label that hang together by sides or corners."""
+    left = {tuple(cell) for cell in np.argwhere(label < 0).tolist()}
+    while left:
+        waiting, piece = [left.pop()], set()
+        while waiting:
+            row, column = waiting.pop()
+            piece.add((row, column))
+            near = {(row + down, column + right) for down in (-1, 0, 1) for right in (-1, 0, 1)} & left
+            left -= near
+            waiting += near
+        yield piece

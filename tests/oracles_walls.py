@@ -55,3 +55,17 @@ def is_single_gap(around):
     """Whether of three by three cells only those left and right of the middle, or above and below it, are not free."""
     bars = ([[True] * 3, [False, True, False], [True] * 3], [[True, False, True], [True] * 3, [True, False, True]])
     return around in bars
+
+
+def off_middle(found):
+    """How far each (row, ...) is off the middle of those in adjoining rows that are like it otherwise, in half rows."""
+    everything = {tuple(gap) for gap in found}
+    off = []
+    for row, *rest in found:
+        top = bottom = row
+        while (top - 1, *rest) in everything:
+            top -= 1
+        while (bottom + 1, *rest) in everything:
+            bottom += 1
+        off.append(abs(2 * row - top - bottom))
+    return off

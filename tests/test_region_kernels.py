@@ -2,6 +2,7 @@
 
 from unittest.mock import patch
 
+import cv2
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -101,6 +102,47 @@ def test_labels_lose_what_is_near_their_border_unless_nothing_is_left(label, awa
             expected[(label == number) & ~is_core] = -1
     regions.keep_cores(label, away, thickness, np.float32(most))
     np.testing.assert_array_equal(label, expected)
+
+
+@settings(deadline=None)
+@given(LABELS, st.data(), st.sampled_from([0.5, 1.0, 2.0, 6.0]))
+def test_distances_near_some_cells_are_those_of_all_the_map(label, data, most):
+    cells = data.draw(st.lists(st.integers(0, label.size - 1), min_size=2, max_size=6))
+    away = ndimage.distance_transform_edt(~np.isin(np.arange(label.size), cells).reshape(label.shape))
+    near = regions.distance_near(np.array(cells, np.int32)[:, None], *label.shape, most)
+    np.testing.assert_array_equal(near[away <= most], away[away <= most].astype(np.float32))
+    assert (near[away > most] > most).all()
+
+
+@settings(deadline=None)
+@given(LABELS)
+def test_each_row_of_a_label_has_a_first_and_a_last_cell(label):
+    box = labels.boxes(label, 4)
+    box[(label.ravel() == np.arange(4)[:, None]).sum(axis=1) == 0] = 0
+    start, ends = labels.row_ends(label, box)
+    for number in range(4):
+        for row in range(box[number, 0], box[number, 1]):
+            columns = np.flatnonzero(label[row] == number)
+            expected = [columns[0], columns[-1]] if columns.size else [label.shape[1], -1]
+            assert ends[start[number] + row - box[number, 0]].tolist() == expected
+
+
+HOLED = arrays(np.int32, st.tuples(st.integers(3, 9), st.integers(3, 9)), elements=st.sampled_from([0, 0, 0, 0, 1, -1]))
+
+
+@settings(deadline=None, max_examples=300)
+@given(HOLED, arrays(np.float32, 2, elements=st.sampled_from([1, 1.5, 2, 3.5, 9])))
+def test_what_stands_in_one_label_alone_is_filled(label, width):
+    expected = oracles_regions.holes_filled(label, width)
+    _, hole, stats, _ = cv2.connectedComponentsWithStats((label < 0).astype(np.uint8), connectivity=8)
+    labels.fill_holes(label, hole, stats, width)
+    np.testing.assert_array_equal(label, expected)
+
+
+@given(st.integers(1, 2))
+def test_two_tasks_each_give_their_own(processors):
+    with patch.object(banding, "processors", lambda: processors):
+        assert banding.both(lambda: "first", lambda: 2) == ("first", 2)
 
 
 @settings(deadline=None)

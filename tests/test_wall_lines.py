@@ -37,6 +37,15 @@ def test_gaps_are_the_textbook_ones(drawn, bridge, least, most):
     assert {*map(tuple, found.tolist())} == oracles_walls.gaps(wall, free, bridge, least, most)
 
 
+@settings(deadline=None, max_examples=200)
+@given(walls(), st.integers(1, 3))
+def test_gaps_know_how_far_off_the_middle_of_their_like_they_are(drawn, bridge):
+    row, _ = drawn
+    wall = np.concatenate([row[:2].repeat(3, axis=0), row])  # alike rows, as those through a door
+    found = wall_gaps.gaps(wall, ~wall, bridge, 1, 9)
+    assert wall_gaps.off_middle(found).tolist() == oracles_walls.off_middle(found.tolist())
+
+
 def test_a_hole_is_bridged_or_a_gap_never_both():
     row = np.array([[cell == "#" for cell in "####.####..####"]])
     lengths = [wall_gaps.gaps(row, ~row, bridge, 2, 9)[:, 3:].tolist() for bridge in (1, 2, 3)]

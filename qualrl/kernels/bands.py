@@ -12,6 +12,7 @@ LEAST_CELLS = 2**18
 """A band of fewer cells is not worth a thread."""
 
 Result = TypeVar("Result")
+Other = TypeVar("Other")
 
 
 def processors() -> int:
@@ -28,3 +29,12 @@ def in_bands(work: Callable[[int, int], Result], shape: tuple[int, ...]) -> list
         return [work(0, height)]
     with ThreadPoolExecutor(count) as pool:
         return list(pool.map(work, cuts[:-1], cuts[1:]))
+
+
+def both(first: Callable[[], Result], second: Callable[[], Other]) -> tuple[Result, Other]:
+    """What two tasks that do not depend on each other make, at once where there are processors for both."""
+    if processors() == 1:
+        return first(), second()
+    with ThreadPoolExecutor(1) as pool:
+        waiting = pool.submit(second)
+        return first(), waiting.result()

@@ -23,22 +23,21 @@ def steps_within(label: Any, centres: Any) -> Any:
     height, width = label.shape
     steps = np.full((height, width), -1, np.int32)
     queue = np.empty((height * width, 2), np.int32)
-    end = 0
+    # Region by region: a queue of all would go round the whole map at every step, and memory with it.
     for k in range(centres.shape[0]):
         steps[centres[k, 0], centres[k, 1]] = 0
-        queue[end, 0], queue[end, 1] = centres[k, 0], centres[k, 1]
-        end += 1
-    head = 0
-    while head < end:
-        row, column = queue[head, 0], queue[head, 1]
-        head += 1
-        for move in range(4):
-            r = row + (move == 1) - (move == 0)
-            c = column + (move == 3) - (move == 2)
-            if 0 <= r < height and 0 <= c < width and steps[r, c] < 0 and label[r, c] == label[row, column]:
-                steps[r, c] = steps[row, column] + 1
-                queue[end, 0], queue[end, 1] = r, c
-                end += 1
+        queue[0, 0], queue[0, 1] = centres[k, 0], centres[k, 1]
+        head, end = 0, 1
+        while head < end:
+            row, column = queue[head, 0], queue[head, 1]
+            head += 1
+            for move in range(4):
+                r = row + (move == 1) - (move == 0)
+                c = column + (move == 3) - (move == 2)
+                if 0 <= r < height and 0 <= c < width and steps[r, c] < 0 and label[r, c] == label[row, column]:
+                    steps[r, c] = steps[row, column] + 1
+                    queue[end, 0], queue[end, 1] = r, c
+                    end += 1
     return steps
 
 
@@ -72,6 +71,61 @@ def boxes(label: Ints, count: int) -> NDArray[np.int64]:
                 found[here, 2] = min(found[here, 2], column)
                 found[here, 3] = max(found[here, 3], column + 1)
     return found
+
+
+@compiled
+def row_ends(label: Ints, box: NDArray[np.int64]) -> tuple[NDArray[np.int64], Ints]:
+    """The first and last column (N, 2) of each label (H, W) in each row of its box (count, 4), see ``boxes``; and
+    (count + 1,) where those of each label begin.  The last is -1 in rows without it.
+    """
+    start = np.zeros(len(box) + 1, np.int64)
+    start[1:] = np.cumsum(box[:, 1] - box[:, 0])
+    ends = np.empty((start[-1], 2), np.int32)
+    ends[:, 0], ends[:, 1] = label.shape[1], -1
+    for row in range(label.shape[0]):
+        before = -1
+        for column in range(label.shape[1]):
+            here = label[row, column]
+            if here != before and here >= 0:
+                at = start[here] + row - box[here, 0]
+                ends[at, 0] = min(ends[at, 0], column)
+            if here != before and before >= 0:
+                ends[start[before] + row - box[before, 0], 1] = column - 1
+            before = here
+        if before >= 0:
+            ends[start[before] + row - box[before, 0], 1] = label.shape[1] - 1
+    return start, ends
+
+
+@compiled
+def fill_holes(label: Ints, hole: Any, box: Any, width: Floats) -> None:
+    """Fill what one label alone surrounds and is shorter than that label is wide; the label image (H, W) is updated.
+
+    hole (H, W) number of the 8-connected piece of what has no label, 0 elsewhere; box (holes, 4) the left, top,
+    columns and rows of each; width by label.  What touches the image's edge stays.
+    """
+    height, breadth = label.shape
+    widest = width.max()
+    for at in range(1, len(box)):
+        left, top, right, bottom = box[at, 0], box[at, 1], box[at, 0] + box[at, 2], box[at, 1] + box[at, 3]
+        if min(left, top) == 0 or right == breadth or bottom == height or max(box[at, 2], box[at, 3]) >= widest:
+            continue
+        around, alike = -1, True
+        for row in range(top, bottom):
+            for column in range(left, right):
+                if hole[row, column] != at:
+                    continue
+                for k in range(9):
+                    r, c = row + k // 3 - 1, column + k % 3 - 1
+                    if hole[r, c] != at:
+                        alike &= around < 0 or label[r, c] == around
+                        around = label[r, c]
+        if not alike or max(box[at, 2], box[at, 3]) >= width[around]:
+            continue
+        for row in range(top, bottom):
+            for column in range(left, right):
+                if hole[row, column] == at:
+                    label[row, column] = around
 
 
 @compiled

@@ -156,15 +156,19 @@ def _join(host: int, guest: int, places: Places, bonds: Bonds) -> None:
 @compiled
 def _join_small(places: Places, bonds: Bonds, asked: Asked, min_area: float, seen: Ints) -> None:
     """Merge each place of less area into its likeliest neighbour, the smallest first; those without one stay."""
+    waiting, count = np.arange(len(places.parent)), len(places.parent)
     while True:
-        small = -1
-        for place in range(len(places.parent)):
+        small, before, count = -1, count, 0
+        for place in waiting[:before]:
             if places.parent[place] != place or places.sums[place, AREA] >= min_area:
                 continue
             if small < 0 or places.sums[place, AREA] < places.sums[small, AREA]:
                 tidy(place, places.parent, bonds, seen)
-                if _touches(place, bonds):
-                    small = place
+                if not _touches(place, bonds):
+                    continue  # nor will it ever
+                small = place
+            waiting[count] = place
+            count += 1
         if small < 0:
             return
         host = _likeliest(small, places, bonds, asked)

@@ -4,11 +4,13 @@ H, W: rows, columns.  F: free cells.  Z: zones.  E: contacts between zones.
 All moves are 4-connected.  Lengths and areas are in cells.  -1 stands for "none" in every label.
 """
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.kernels.bands import in_bands
 from qualrl.kernels.bonds import Bonds, append, find, tidy
 from qualrl.kernels.instructions import AHEAD, ask_around, prefetch
 from qualrl.kernels.jit import compiled, compiled_part
@@ -222,16 +224,21 @@ def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, s
     return _numbered(forest, height, width)
 
 
-@compiled
 def crossings(label: Ints) -> Ints:
     """(steps, 2) flat indices of the two cells of every step between two labels, neither of them -1."""
+    return np.concatenate(in_bands(partial(crossings_from, label), label.shape))
+
+
+@compiled
+def crossings_from(label: Ints, top: int, bottom: int) -> Ints:
+    """Those of the steps that begin in the rows from top to bottom."""
     height, width = label.shape
     flat = label.ravel()
     count = 0
     for fill in range(2):
         found = np.empty((count * fill, 2), np.int32)
         count = 0
-        for row in range(height):
+        for row in range(top, bottom):
             for cell in range(row * width, row * width + width):
                 here = flat[cell]
                 if here < 0:
@@ -294,6 +301,24 @@ def _host(zone: int, area: Floats, breadth: Floats, bonds: Bonds, rules: Rules) 
 
 
 @compiled
+def distance_near(ends: Ints, height: int, width: int, most: float) -> Floats:
+    """(H, W) from each cell to the nearest of some cells (N, 2), flat indices; beyond ``most`` it may be infinite."""
+    away = np.full((height, width), np.inf, np.float32)
+    reach = int(np.ceil(most))
+    distance = np.empty((reach + 1, reach + 1), np.float32)
+    for down in range(reach + 1):
+        for right in range(reach + 1):
+            distance[down, right] = np.sqrt(np.float32(down * down + right * right))
+    flat = ends.ravel()
+    for at in range(flat.size):
+        row, column = flat[at] // width, flat[at] % width
+        for r in range(max(row - reach, 0), min(row + reach + 1, height)):
+            for c in range(max(column - reach, 0), min(column + reach + 1, width)):
+                away[r, c] = min(away[r, c], distance[abs(r - row), abs(c - column)])
+    return away
+
+
+@compiled
 def keep_cores(label: Ints, from_border: Floats, thickness: Floats, most: np.float32) -> None:
     """Take from each label what is nearer to its border than ``most`` and half the thickness, unless nothing is left.
 
@@ -318,19 +343,21 @@ def flood(label: Ints, mask: Flags, depth: Floats) -> Ints:
     """
     height, width = label.shape
     result, inside, depths = label.ravel(), mask.ravel(), depth.ravel()
-    top = 0
-    for cell in range(result.size):
-        top = max(top, int(8 * depths[cell]))
+    top = int(8 * depths.max())
     head = np.full(top + 1, -1, np.int32)
     tail = head.copy()
     following = np.empty(result.size, np.int32)
-    for cell in range(result.size):
-        if result[cell] < 0 or not inside[cell]:
-            continue
-        for other in _beside(cell, height, width):
-            if other >= 0 and inside[other] and result[other] < 0:
+    for row in range(height):
+        start, end = row * width, (row + 1) * width
+        for cell in range(start, end):
+            if result[cell] < 0 or not inside[cell]:
+                continue
+            is_front = cell > start and inside[cell - 1] and result[cell - 1] < 0
+            is_front |= cell + 1 < end and inside[cell + 1] and result[cell + 1] < 0
+            is_front |= row > 0 and inside[cell - width] and result[cell - width] < 0
+            is_front |= row + 1 < height and inside[cell + width] and result[cell + width] < 0
+            if is_front:
                 _enqueue(cell, int(8 * depths[cell]), head, tail, following)
-                break
     while top >= 0:
         cell = head[top]
         if cell < 0:

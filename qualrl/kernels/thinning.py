@@ -82,13 +82,16 @@ def prune(line: Ints, distance: NDArray[np.float32], least: float) -> Ints:
     cells = np.flatnonzero(left.ravel() >= 0)
     while True:
         joints, reaches, tips = _spurs(left, cells, distance, least)
-        for spur in range(len(tips)):
-            is_shortest = True
-            for other in range(len(tips)):
-                earlier = reaches[other] < reaches[spur] or (reaches[other] == reaches[spur] and other < spur)
-                is_shortest &= not (joints[other] == joints[spur] and earlier)
-            if not is_shortest:
-                continue
+        by_joint = np.argsort(joints, kind="mergesort")
+        for at in range(len(tips)):
+            spur = by_joint[at]
+            if at and joints[by_joint[at - 1]] == joints[spur]:
+                continue  # not the first of its joint
+            after_it = at + 1
+            while after_it < len(tips) and joints[by_joint[after_it]] == joints[spur]:
+                if reaches[by_joint[after_it]] < reaches[spur]:
+                    spur = by_joint[after_it]
+                after_it += 1
             here = tips[spur]
             while here != joints[spur]:
                 after = _next_on_line(left, here, -1)

@@ -52,6 +52,30 @@ def gaps(wall: Flags, free: Flags, bridge: int, least: int, most: int) -> Ints:
 
 
 @compiled
+def off_middle(found: Ints) -> Ints:
+    """(G,) how far each gap (G, 5) is off the middle of the same gaps in the rows above and below, in half rows.
+
+    Gaps come row by row and from west to east, as ``gaps`` finds them.
+    """
+    first = np.arange(len(found))  # of the same gaps in adjoining rows, the one in the highest
+    rows = np.ones(len(found), np.int32)  # of the first, how many they are
+    above, end = 0, 0  # gaps of the row above that are not west of this one, and where that row ends
+    for gap in range(len(found)):
+        if gap and found[gap, 0] != found[gap - 1, 0]:
+            above = end if found[gap, 0] == found[gap - 1, 0] + 1 else gap
+            end = gap
+        while above < end and found[above, 1] < found[gap, 1]:
+            above += 1
+        if above < end and (found[above, 1:] == found[gap, 1:]).all():
+            first[gap] = first[above]
+            rows[first[gap]] += 1
+    off = np.empty(len(found), np.int32)
+    for gap in range(len(found)):
+        off[gap] = abs(2 * (found[gap, 0] - found[first[gap], 0]) - (rows[first[gap]] - 1))
+    return off
+
+
+@compiled
 def apart(found: Ints, order: Ints, height: int, width: int, rows: int, slack: int) -> Flags:
     """(G,) which gaps stay when of those that lie side by side only the first in order does.
 

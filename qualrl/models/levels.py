@@ -108,11 +108,11 @@ def wings_of(graph: Graph) -> dict[str, tuple[str, ...]]:
 
     Wings are what the graph's doorways hold together: communities of greatest modularity, each connected.
     """
-    nodes = list(graph.nodes)
     grouping = _named("wing", graph, _communities(graph))
-    inside = {name: tuple(node for node, of in zip(nodes, grouping.of, strict=True) if grouping.names[of] == name)
-              for name in grouping.names}  # fmt: skip
-    return {name: regions for name, regions in inside.items() if name not in graph}
+    inside: dict[str, list[str]] = {name: [] for name in grouping.names}
+    for node, of in zip(graph.nodes, grouping.of, strict=True):
+        inside[grouping.names[of]].append(node)
+    return {name: tuple(regions) for name, regions in inside.items() if name not in graph}
 
 
 def groupings(graph: Graph, levels: int) -> tuple[Grouping, ...]:

@@ -126,33 +126,32 @@ def shapes_of(parts: Parts, doorways: Sequence[Doorway], occupied: Flags, resolu
     # A map that shows hardly any walls says nothing by where they lack.
     linked = np.where(parts.is_pocket, 0, parts.cells)
     says_walls = linked[walls >= unknown].sum() >= WALLED * linked.sum()
-    shapes = []
-    boxes = labels.boxes(parts.label, count).tolist()
-    for region, ((top, bottom, left, right), cells) in enumerate(zip(boxes, parts.cells, strict=True)):
-        inside = parts.label[top:bottom, left:right] == region
-        longer, shorter = _sides(inside, bool(parts.is_pocket[region]))
-        half_width = float(parts.half_width[region])
-        shapes.append(
-            Shape(
-                half_width * resolution_m, float(cells / (2 * half_width) ** 2),
-                (longer * resolution_m, shorter * resolution_m), float(cells / (longer * shorter)),
-                int(ways[region, 0]), int(ways[region, 1]), float(opening[region] / border[region]),
-                float(unknown[region] / border[region]) if says_walls else 0.0,
-            )
-        )  # fmt: skip
-    return shapes
+    half_width = parts.half_width.astype(np.float64)
+    sides = _sides(parts)
+    stretch, fill = parts.cells / (2 * half_width) ** 2, parts.cells / sides.prod(axis=1)
+    open_share = opening / border
+    unknown_share = unknown / border if says_walls else np.zeros(count)
+    columns = (half_width * resolution_m, stretch, sides * resolution_m, fill, ways, open_share, unknown_share)
+    return [
+        Shape(wide_m, times, (longer_m, shorter_m), full, doors, openings, is_open, is_unknown)
+        for wide_m, times, (longer_m, shorter_m), full, (doors, openings), is_open, is_unknown in zip(
+            *(column.tolist() for column in columns), strict=True
+        )
+    ]
 
 
-def _sides(inside: Flags, upright: bool) -> tuple[float, float]:
-    """Longer and shorter side of the smallest rectangle around the cells of a mask; of any slant unless upright."""
-    if upright:
-        return float(max(inside.shape)), float(min(inside.shape))
-    rows = np.flatnonzero(inside.any(axis=1))
-    first, last = inside[rows].argmax(axis=1), inside.shape[1] - 1 - inside[rows, ::-1].argmax(axis=1)
-    # The rows' ends have the same hull as all cells.
-    ends = np.concatenate([np.stack([first, rows], axis=1), np.stack([last, rows], axis=1)])
-    shorter, longer = sorted(float(side) + 1 for side in cv2.minAreaRect(ends.astype(np.float32))[1])
-    return longer, shorter
+def _sides(parts: Parts) -> NDArray[np.float64]:
+    """(R, 2) longer and shorter side of the smallest rectangle around each region; of any slant, pockets' upright."""
+    boxes = labels.boxes(parts.label, len(parts.cells))
+    sides = np.sort(np.stack([boxes[:, 1] - boxes[:, 0], boxes[:, 3] - boxes[:, 2]], axis=1).astype(np.float64))
+    start, ends = labels.row_ends(parts.label, boxes)
+    for region in np.flatnonzero(~parts.is_pocket).tolist():
+        columns = ends[start[region] : start[region + 1]]
+        rows = np.flatnonzero(columns[:, 1] >= 0)
+        # The rows' ends have the same hull as all cells.
+        points = np.stack([columns[rows].T.ravel(), np.tile(rows, 2)], axis=1)
+        sides[region] = sorted(float(side) + 1 for side in cv2.minAreaRect(points.astype(np.float32))[1])
+    return sides[:, ::-1]
 
 
 def _kinds(is_pocket: Flags, areas_m2: Sequence[float], shapes: Sequence[Shape], in_metres: bool) -> list[str]:

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels.labels import only
+from qualrl.kernels.bands import both
+from qualrl.kernels.labels import fill_holes, only
 from qualrl.kernels.thinning import degrees
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.region_map import CENTRE, Doorway, Landmark, Region
@@ -44,8 +45,10 @@ def find_landmarks(
     half_width by region.
     """
     marks = [Landmark(door.name, "doorway", middle_of(door.cells), door.cells, door.pair) for door in doorways]
-    corners = _corners(label, distance, half_width, resolution_m)
-    junctions, dead_ends = _corridor_marks(label, regions, doorways, distance, half_width)
+    (junctions, dead_ends), corners = both(
+        lambda: _corridor_marks(label, regions, doorways, distance, half_width),
+        lambda: _corners(label, distance, half_width, resolution_m),
+    )
     centres = [region.centre for region in regions if region.kind != "pocket"]
     for kind, cells in (("corner", corners), ("junction", junctions), ("dead end", dead_ends), (CENTRE, centres)):
         for number, cell in enumerate(sorted(cells, key=lambda cell: (label[cell], cell)), start=1):
@@ -134,10 +137,11 @@ def _corridor_marks(
     nodes = np.flatnonzero(line >= 0)
     ways = degrees(line, nodes)
     special = ways != 2
-    doors_of: dict[int, list[Doorway]] = {}
+    doors_of: dict[int, list[Ints]] = {}
     for door in doorways:
         for side in door.pair:
-            doors_of.setdefault(side, []).append(door)
+            doors_of.setdefault(side, []).append(door.cells)
+    gateway = {region: np.concatenate(cells) for region, cells in doors_of.items()}
     junctions: list[tuple[float, Cell]] = []
     dead_ends: list[Cell] = []
     for node, degree in zip(nodes[special].tolist(), ways[special].tolist(), strict=True):
@@ -145,7 +149,7 @@ def _corridor_marks(
         region = int(shape[cell])
         if degree > 2:
             junctions.append((float(distance[cell]), _free_beside(label, region, cell)))
-        elif degree <= 1 and not _has_doorway(doors_of.get(region, ()), cell, float(width[region])):
+        elif degree <= 1 and not _is_near(gateway.get(region), cell, float(width[region])):
             end = _clear_of_walls(line, cell, distance, float(half_width[region]))
             dead_ends.append(_free_beside(label, region, end))
     return _spread(junctions, float(width[is_corridor].mean()) + 1.0), list(dict.fromkeys(dead_ends))
@@ -153,18 +157,8 @@ def _corridor_marks(
 
 def _without_holes(inside: Ints, width: Floats) -> Ints:
     """The shapes (H, W), updated: what stands free in them and is shorter than they are wide is filled."""
-    _, hole, stats, _ = cv2.connectedComponentsWithStats((inside < 0).astype(np.uint8), connectivity=8)
-    height, breadth = inside.shape
-    longer = np.maximum(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT])
-    for at in np.flatnonzero(longer < width.max()):
-        left, top, across, down, _ = stats[at]
-        if at == 0 or min(left, top) == 0 or left + across == breadth or top + down == height:
-            continue
-        box = np.s_[top - 1 : top + down + 1, left - 1 : left + across + 1]
-        mask = hole[box] == at
-        around = inside[box][(cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0) & ~mask]
-        if (around == around[0]).all() and longer[at] < width[around[0]]:
-            inside[box][mask] = around[0]
+    _, hole, stats, _ = cv2.connectedComponentsWithStats((inside < 0).view(np.uint8), connectivity=8)
+    fill_holes(inside, hole, stats, width)
     return inside
 
 
@@ -205,6 +199,6 @@ def _along(line: Ints, cell: Cell) -> list[Cell]:
     ]
 
 
-def _has_doorway(doorways: Sequence[Doorway], cell: Cell, reach: float) -> bool:
-    """Whether one of the doorways is within reach of a cell."""
-    return any(bool((np.abs(door.cells - cell).max(axis=1) <= max(reach, 1.0)).any()) for door in doorways)
+def _is_near(cells: Ints | None, cell: Cell, reach: float) -> bool:
+    """Whether one of some cells (N, 2), if there are any, is within reach of a cell."""
+    return cells is not None and bool((np.abs(cells - cell).max(axis=1) <= max(reach, 1.0)).any())

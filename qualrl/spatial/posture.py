@@ -3,6 +3,7 @@
 from itertools import product
 from typing import NamedTuple, TypeVar
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,13 +20,36 @@ class Posture(NamedTuple):
 
     def of(self, array: NDArray[Number]) -> NDArray[Number]:
         """An array (rows, columns) of the grid as it is shown."""
-        shown = array.T if self.transposed else array
-        return np.ascontiguousarray(shown[:: -1 if self.upside_down else 1, :: -1 if self.mirrored else 1])
+        shown = np.empty(array.shape[::-1] if self.transposed else array.shape, array.dtype)
+        return _turned(array, shown, self.transposed, self.upside_down, self.mirrored)
 
-    def back(self, shown: NDArray[Number]) -> NDArray[Number]:
-        """An array of the grid from what is shown."""
-        array = shown[:: -1 if self.upside_down else 1, :: -1 if self.mirrored else 1]
-        return array.T if self.transposed else array
+    def back(self, shown: NDArray[Number], into: NDArray[Number] | None = None) -> NDArray[Number]:
+        """An array of the grid from what is shown, written into one of its shape if given."""
+        if into is None:
+            into = np.empty(shown.shape[::-1] if self.transposed else shown.shape, shown.dtype)
+        if self.transposed:
+            return _turned(shown, into, True, self.mirrored, self.upside_down)
+        return _turned(shown, into, False, self.upside_down, self.mirrored)
+
+
+def _turned(
+    array: NDArray[Number], into: NDArray[Number], transposed: bool, upside_down: bool, mirrored: bool
+) -> NDArray[Number]:
+    """``into``, with the array written to it: rows as columns, then upside down, then mirrored, each if so.
+
+    OpenCV keeps to a part that fits the processor's cache, numpy does not.
+    """
+    kind = np.uint8 if array.dtype == np.bool_ else array.dtype  # OpenCV knows no flags
+    source, target = array.view(kind), into.view(kind)
+    axis = -1 if upside_down and mirrored else int(mirrored)
+    if transposed:
+        cv2.transpose(source, target)
+        source = target
+    if upside_down or mirrored:
+        cv2.flip(source, axis, target)
+    elif not transposed:
+        into[:] = array
+    return into
 
 
 def posture(free: Flags) -> Posture:

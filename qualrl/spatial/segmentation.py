@@ -3,6 +3,7 @@
 H, W: rows, columns of the grid.
 """
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from qualrl.errors import SettingError
 from qualrl.kernels import regions as kernels
+from qualrl.kernels.bands import both
 from qualrl.kernels.labels import as_label, consecutive, labels_at, renumber, sizes
 from qualrl.spatial.description import describe, mean_half_width, measure
 from qualrl.spatial.doorways import find_doorways, renumbered
@@ -67,7 +69,6 @@ def segment(
     shown = view.posture
     seen, free = shown.of(seen), shown.of(free)
     label = shown.back(_settled(seen, free, min_area_m2 / resolution_m**2))
-    label = np.ascontiguousarray(label)
     del seen, free
     label.ravel()[in_pockets] = pocket + label.max() + 1
     is_pocket = np.zeros(consecutive(label), np.bool_)
@@ -75,8 +76,10 @@ def segment(
     half_width = mean_half_width(label, view.width_on_grid(view.thickness))
     distance, thing = view.width_on_grid(view.distance), view.to_grid(view.thing, -1)
     del view
-    parts = measure(label, is_pocket, half_width)
-    unordered = find_doorways(label, distance, thing, pinch * half_width, resolution_m)
+    parts, unordered = both(
+        partial(measure, label, is_pocket, half_width),
+        partial(find_doorways, label, distance, thing, pinch * half_width, resolution_m),
+    )
     del thing
     regions, order = describe(parts, unordered, grid.occupied, resolution_m)
     rank = np.argsort(order).astype(np.int32)
@@ -110,13 +113,11 @@ def _walled(
     """(H, W) regions of a map that shows walls, seen in larger cells where its own are very small."""
     height, width = free.shape
     times = max(int(SIDE_M / resolution_m + 0.2), 1)
-    large = shrunk(free, times, False)
-    if times > 1 and large.any():
-        view, occupied = look(large, resolution_m * times, furniture_m), shrunk(occupied, times, True)
-    else:
-        times = 1
-    found = view.to_grid(merged_regions(view, occupied, min_area_m2), -1)
-    return found if times == 1 else found.repeat(times, 0).repeat(times, 1)[:height, :width]
+    if times == 1 or not (large := shrunk(free, times, False)).any():
+        return view.to_grid(merged_regions(view, occupied, min_area_m2), -1)
+    view = look(large, resolution_m * times, furniture_m)
+    found = view.to_grid(merged_regions(view, shrunk(occupied, times, True), min_area_m2), -1)
+    return found.repeat(times, 0).repeat(times, 1)[:height, :width]
 
 
 def _settled(seen: Labels, free: Flags, min_area: float) -> Labels:

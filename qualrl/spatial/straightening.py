@@ -7,6 +7,9 @@ from qualrl.kernels import regions as kernels
 from qualrl.spatial.distance import distance_within
 from qualrl.spatial.view import View
 
+NEAR = 10.0
+"""Distances up to this are found faster around each end than all over the map."""
+
 Labels = NDArray[np.int32]
 
 
@@ -15,7 +18,14 @@ def straightened(region: Labels, view: View, most: float = np.inf) -> Labels:
     ends = kernels.crossings(region)
     if not len(ends):
         return region
-    beyond = np.ones(region.shape, np.bool_)
-    beyond.ravel()[ends] = False
-    kernels.keep_cores(region, distance_within(beyond), view.thickness, np.float32(most))
+    kernels.keep_cores(region, _from_border(ends, region.shape, most), view.thickness, np.float32(most))
     return kernels.flood(region, view.clear, view.distance)
+
+
+def _from_border(ends: Labels, shape: tuple[int, ...], most: float) -> NDArray[np.float32]:
+    """(h, w) from each cell to the nearest of the ends (N, 2), flat indices; farther than ``most`` may be infinite."""
+    if most <= NEAR:
+        return kernels.distance_near(ends, shape[0], shape[1], most)
+    beyond = np.ones(shape, np.bool_)
+    beyond.ravel()[ends] = False
+    return distance_within(beyond)

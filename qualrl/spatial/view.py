@@ -76,14 +76,18 @@ class View:
 
     def to_grid(self, array: NDArray[Number], elsewhere: int) -> NDArray[Number]:
         """(H, W) an array (h, w) as seen from the grid, and its value where the view does not reach."""
-        whole = np.full(self.shape, elsewhere, array.dtype)
-        whole[self.window] = self.posture.back(array[1:-1, 1:-1][:: self.zoom, :: self.zoom])
+        whole = np.empty(self.shape, array.dtype)
+        rows, columns = self.window
+        whole[: rows.start] = whole[rows.stop :] = elsewhere
+        whole[rows, : columns.start] = whole[rows, columns.stop :] = elsewhere
+        self.posture.back(array[1:-1, 1:-1][:: self.zoom, :: self.zoom], whole[self.window])
         return whole
 
     def width_on_grid(self, width: Floats) -> Floats:
         """(H, W) a distance or thickness (h, w) of the view, in cells of the grid; 0 where the view does not reach."""
         found = self.to_grid(width, 0)
-        found /= np.float32(self.zoom)
+        if self.zoom > 1:
+            found /= np.float32(self.zoom)
         return found
 
     def of_grid(self, array: NDArray[Number], beyond: int = 0) -> NDArray[Number]:

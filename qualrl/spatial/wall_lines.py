@@ -8,12 +8,14 @@ h, w: rows, columns of the view.  L: lines.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels import wall_gaps
+from qualrl.kernels.bands import both
 
 BAND_M, BRIDGE_M, WALL_M, GAP_M = 0.1, 0.3, 0.4, 4.0
 """Walls in one line lie within a band, have holes that are bridged, and a length; gaps are at most so wide."""
@@ -25,6 +27,7 @@ SAMPLE = 5000
 """So many occupied cells tell the walls' directions."""
 
 Flags = NDArray[np.bool_]
+Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int32]
 
 
@@ -46,11 +49,10 @@ def find_wall_lines(wall: Flags, clear: Flags, cell_m: float) -> WallLines:
     """Lines across the gaps of the walls of a map: wall (h, w), clear (h, w) what is free, side of a cell."""
     turn_deg = main_turn_deg(wall)
     there, size = _upright(turn_deg, wall.shape)
-    turned_wall = cv2.warpAffine(wall.astype(np.uint8) * 255, there, size, flags=cv2.INTER_LINEAR) > 100
-    turned_clear = cv2.warpAffine(clear.astype(np.uint8), there, size, flags=cv2.INTER_NEAREST) > 0
+    walls, free = _turned(wall, clear, there, size)
     ends, lengths = [], []
-    for flip in (False, True):
-        gap = _gaps(turned_wall.T if flip else turned_wall, turned_clear.T if flip else turned_clear, cell_m)
+    across = partial(_gaps, np.asarray(cv2.transpose(walls)), np.asarray(cv2.transpose(free)), cell_m)
+    for flip, gap in enumerate(both(partial(_gaps, walls, free, cell_m), across)):
         slack = max(round(SLACK_M / cell_m), 1)
         row, first, last = gap[:, 0], gap[:, 1] - slack, gap[:, 2] + slack
         corners = np.stack([first, row, last, row], axis=1).reshape(-1, 2, 2)
@@ -114,25 +116,22 @@ def _upright(turn_deg: float, shape: tuple[int, ...]) -> tuple[NDArray[np.float6
     return there, size
 
 
-def _gaps(wall: Flags, clear: Flags, cell_m: float) -> Ints:
+def _turned(wall: Flags, clear: Flags, there: NDArray[np.float64], size: tuple[int, int]) -> tuple[Bytes, Bytes]:
+    """The walls and what is free (h, w), turned upright: 1 where they are, else 0."""
+    walls, free = np.ascontiguousarray(wall).view(np.uint8), np.ascontiguousarray(clear).view(np.uint8)
+    if size == wall.shape[::-1] and (there == np.eye(2, 3)).all():
+        return walls, free
+    upright = cv2.warpAffine(walls * np.uint8(255), there, size, flags=cv2.INTER_LINEAR) > 100
+    return upright.view(np.uint8), np.asarray(cv2.warpAffine(free, there, size, flags=cv2.INTER_NEAREST), np.uint8)
+
+
+def _gaps(wall: Bytes, clear: Bytes, cell_m: float) -> Ints:
     """(G, 5) the gaps of walls along the rows: see ``wall_gaps.gaps``; of those side by side the best supported."""
     band = np.ones((2 * round(BAND_M / cell_m) + 1, 1), np.uint8)
-    thick = cv2.dilate(np.ascontiguousarray(wall, np.uint8), band) > 0
+    thick = cv2.dilate(wall, band)
     bridge, least, most = (round(metres / cell_m) for metres in (BRIDGE_M, WALL_M, GAP_M))
-    found = wall_gaps.gaps(thick, np.ascontiguousarray(clear), bridge, max(least, 1), most)
-    found = found[_off_middle(found) <= 1]
+    found = wall_gaps.gaps(thick.view(np.bool_), clear.view(np.bool_), bridge, max(least, 1), most)
+    found = found[wall_gaps.off_middle(found) <= 1]
     order = np.lexsort((-found[:, 3:].max(axis=1), -found[:, 3:].min(axis=1))).astype(np.int32)
     beside, slack = round(BESIDE_M / cell_m), max(round(SLACK_M / cell_m), 1)
     return found[wall_gaps.apart(found, order, wall.shape[0], wall.shape[1], beside, slack)]
-
-
-def _off_middle(found: Ints) -> Ints:
-    """(G,) how far each gap (G, 5) is off the middle of the same gaps in the rows above and below, in half rows."""
-    row = found[:, 0]
-    order = np.lexsort((row, *found[:, 1:].T))
-    breaks = np.append(True, (np.diff(found[order, 1:], axis=0) != 0).any(axis=1) | (np.diff(row[order]) != 1))
-    group = np.cumsum(breaks[: row.size]) - 1
-    first, size = np.flatnonzero(breaks[: row.size]), np.bincount(group)
-    off = np.empty_like(row)
-    off[order] = np.abs(2 * (np.arange(row.size) - first[group]) - (size[group] - 1))
-    return off
