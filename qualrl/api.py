@@ -16,6 +16,8 @@ from qualrl.learning.trainer import train as run_learner
 from qualrl.models.hybrid_mdp import HybridMDP, hybrid_mdp
 from qualrl.planning.plan import Plan
 from qualrl.planning.planner import plan_exactly, plan_from_run
+from qualrl.planning.why_not import WhyNot
+from qualrl.planning.why_not import why_not as ask_why_not
 from qualrl.spatial.place import PlaceLike as PlaceOnMap
 from qualrl.spatial.place import read_place
 from qualrl.spatial.placed_landmarks import with_landmarks
@@ -163,6 +165,18 @@ def plan(
     state, name = _start(model, start)
     solved = source.exact if isinstance(source, Training) else None
     return plan_exactly(model, state, (name, goal_name(model) if goal is None else _name(goal)), exact=solved)
+
+
+def why_not(model: HybridMDP, via: str | Sequence[str], start: PlaceLike | None = None) -> WhyNot:
+    """Why the plan does not go by a place (or several, in an order): what that costs, and for which gamma it would win.
+
+    via: names of regions, doorways or landmarks.  Raises NoPlanError when no way leads by them, UnknownNameError.
+    """
+    _check("why_not", model, HybridMDP, "a HybridMDP, from qualrl.build")
+    if model.regions is None:
+        raise SettingError("a model without a map has no places to go by")
+    state, name = _start(model, start)
+    return ask_why_not(model, state, (name, goal_name(model)), [via] if isinstance(via, str) else list(via))
 
 
 def goal_name(model: HybridMDP) -> str:
