@@ -16,6 +16,8 @@ from qualrl.learning.trainer import train as run_learner
 from qualrl.models.hybrid_mdp import HybridMDP, hybrid_mdp
 from qualrl.planning.plan import Plan
 from qualrl.planning.planner import plan_exactly, plan_from_run
+from qualrl.planning.which_matters import WhichMatters
+from qualrl.planning.which_matters import which_matters as ask_which_matters
 from qualrl.planning.why_not import WhyNot
 from qualrl.planning.why_not import why_not as ask_why_not
 from qualrl.spatial.place import PlaceLike as PlaceOnMap
@@ -177,6 +179,16 @@ def why_not(model: HybridMDP, via: str | Sequence[str], start: PlaceLike | None 
         raise SettingError("a model without a map has no places to go by")
     state, name = _start(model, start)
     return ask_why_not(model, state, (name, goal_name(model)), [via] if isinstance(via, str) else list(via))
+
+
+def which_matters(model: HybridMDP, start: PlaceLike | None = None) -> WhichMatters:
+    """Which doorways and regions the plan hangs on: what is lost without each, and the fewest that cut the goal off.
+
+    Raises NoPlanError when no way leads to the goal, and SettingError for a model without a map.
+    """
+    _check("which_matters", model, HybridMDP, "a HybridMDP, from qualrl.build")
+    state, name = _start(model, start)
+    return ask_which_matters(model, state, (name, goal_name(model)))
 
 
 def goal_name(model: HybridMDP) -> str:

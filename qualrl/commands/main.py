@@ -19,6 +19,7 @@ from qualrl.commands.run import run
 from qualrl.commands.schema import schema
 from qualrl.commands.show import show
 from qualrl.commands.warmup import warmup
+from qualrl.commands.which_matters import which_matters
 from qualrl.commands.why_not import why_not
 
 app = typer.Typer(
@@ -53,6 +54,7 @@ for command, in_short in (
     (learn, "Learn a scenario, beside the exact optimum."),
     (plan, "Plan between two places, and say why each step is taken."),
     (why_not, "Why the plan does not go by a place, and when it would."),
+    (which_matters, "Which doorways and regions the plan hangs on."),
     (route, "The shortest way between two places of a map."),
     (learners, "List the learners and what each converges to."),
     (schema, "Print the JSON Schema of scenario files, for editors."),

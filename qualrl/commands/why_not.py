@@ -5,12 +5,12 @@ from typing import Annotated
 import typer
 
 from qualrl.commands.console import PARSING, Console, guarded
-from qualrl.commands.options import PLACE, AsJson, Debug, Quiet, Settings
+from qualrl.commands.options import PLACE, AsJson, Debug, Quiet, ScenarioFile, Settings
 
 
 @guarded
 def why_not(
-    source: Annotated[str, typer.Argument(metavar="SCENARIO", help="A scenario, by its file or as a bundled one.")],
+    source: ScenarioFile,
     via: Annotated[
         list[str], typer.Option("--via", metavar="PLACE", help="A region, doorway or landmark; more for an order.")
     ],
