@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from qualrl.api import Training, build, plan, train, train_seeds
+    from qualrl.api import Training, build, plan, train, train_seeds, which_matters, why_not
     from qualrl.errors import QualrlError
     from qualrl.io.read_map import read_map
     from qualrl.io.scenario import Scenario, load_scenario
@@ -33,6 +33,8 @@ _HOME = {
     "plan": "api",
     "train": "api",
     "train_seeds": "api",
+    "which_matters": "api",
+    "why_not": "api",
     "QualrlError": "errors",
     "read_map": "io.read_map",
     "Scenario": "io.scenario",
@@ -66,6 +68,8 @@ __all__ = [
     "segment",
     "train",
     "train_seeds",
+    "which_matters",
+    "why_not",
 ]
 
 

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from qualrl.learning.online import Online
     from qualrl.learning.trainer import Milestone
     from qualrl.planning.plan import Plan
+    from qualrl.planning.which_matters import WhichMatters
+    from qualrl.planning.why_not import WhyNot
 
 PlaceLike = PlaceOnMap | int
 """A place as ``spatial.place.PlaceLike``, or, for a model without a map, the number of a state."""
@@ -175,6 +177,32 @@ def plan(
     state, name = _start(model, start)
     solved = source.exact if isinstance(source, Training) else None
     return plan_exactly(model, state, (name, goal_name(model) if goal is None else _name(goal)), exact=solved)
+
+
+def why_not(model: HybridMDP, via: str | Sequence[str], start: PlaceLike | None = None) -> "WhyNot":
+    """Why the plan does not go by a place (or several, in an order): what that costs, and for which gamma it would win.
+
+    via: names of regions, doorways or landmarks.  Raises NoPlanError when no way leads by them, UnknownNameError.
+    """
+    from qualrl.planning import why_not as questions
+
+    _check("why_not", model, HybridMDP, "a HybridMDP, from qualrl.build")
+    if model.regions is None:
+        raise SettingError("a model without a map has no places to go by")
+    state, name = _start(model, start)
+    return questions.why_not(model, state, (name, goal_name(model)), [via] if isinstance(via, str) else list(via))
+
+
+def which_matters(model: HybridMDP, start: PlaceLike | None = None) -> "WhichMatters":
+    """Which doorways and regions the plan hangs on: what is lost without each, and the fewest that cut the goal off.
+
+    Raises NoPlanError when no way leads to the goal, and SettingError for a model without a map.
+    """
+    from qualrl.planning import which_matters as questions
+
+    _check("which_matters", model, HybridMDP, "a HybridMDP, from qualrl.build")
+    state, name = _start(model, start)
+    return questions.which_matters(model, state, (name, goal_name(model)))
 
 
 def goal_name(model: HybridMDP) -> str:

@@ -19,6 +19,8 @@ from qualrl.commands.run import run
 from qualrl.commands.schema import schema
 from qualrl.commands.show import show
 from qualrl.commands.warmup import warmup
+from qualrl.commands.which_matters import which_matters
+from qualrl.commands.why_not import why_not
 
 app = typer.Typer(
     name="qualrl",
@@ -51,13 +53,15 @@ for command, in_short in (
     (convert, "Map to hybrid MDP, pictures, graphs, a scenario to edit."),
     (learn, "Learn a scenario, beside the exact optimum."),
     (plan, "Plan between two places, and say why each step is taken."),
+    (why_not, "Why the plan does not go by a place, and when it would."),
+    (which_matters, "Which doorways and regions the plan hangs on."),
     (route, "The shortest way between two places of a map."),
     (learners, "List the learners and what each converges to."),
     (schema, "Print the JSON Schema of scenario files, for editors."),
     (reproduce, "Measure a figure of the paper again, and judge it."),
     (warmup, "Compile the loops once, so that nothing waits later."),
 ):
-    app.command(short_help=in_short)(command)
+    app.command(command.__name__.replace("_", "-"), short_help=in_short)(command)
 app.add_typer(prove, name="prove", short_help="Prove or refute what a theorem asks for.")
 
 

@@ -26,6 +26,12 @@ def plan_exactly(
     """The optimal plan.  names: what to call start and goal.  Raises NoPlanError when no way leads to the goal."""
     model.check_reachable(start)
     solved = exact or exact_values(model.world)
+    walk = exact_walk(model, solved, start)
+    return _plan(model, walk, exact_plan_values(model, solved), names, notes)
+
+
+def exact_walk(model: HybridMDP, solved: ExactValues, start: int) -> list[int]:
+    """States of the best way to the goal as it goes when no move slips.  Raises NoPlanError where values fade."""
     values = exact_plan_values(model, solved)
     crossings = None
     if isinstance(model.world, GridWorld):
@@ -38,7 +44,7 @@ def plan_exactly(
             f"gamma {model.gamma} fades to nothing on the way from {model.describe(start)} to the goal, so float64 "
             "cannot tell one move from another; choose gamma nearer to 1"
         )
-    return _plan(model, walk, values, names, notes)
+    return walk
 
 
 def _values_ahead(world: GridWorld, solved: ExactValues) -> ActionValues:
@@ -97,7 +103,7 @@ def _plan(model: HybridMDP, walk: list[int], values: PlanValues, names: tuple[st
         steps=tuple(steps),
         path=tuple(model.cell_of(state) for state in walk) if model.regions else (),
         length_steps=len(walk) - 1,
-        length_m=_length_m(model, walk),
+        length_m=length_m(model, walk),
         shortest_steps=shortest,
         value=values.plain(values.shifted[walk[0]]) if len(walk) > 1 else 0.0,
         source=values.source,
@@ -105,7 +111,7 @@ def _plan(model: HybridMDP, walk: list[int], values: PlanValues, names: tuple[st
     )
 
 
-def _length_m(model: HybridMDP, walk: Sequence[int]) -> float | None:
+def length_m(model: HybridMDP, walk: Sequence[int]) -> float | None:
     """Length of a walk in metres; None without a map."""
     if model.regions is None:
         return None
@@ -118,7 +124,7 @@ def _step(
 ) -> Step:  # fmt: skip
     end = leg.last if following is None else following.first
     part = walk[leg.first : end + 1]
-    length_m = _length_m(model, part)
+    far_m = length_m(model, part)
     place = model.region_names[leg.region]
     if following is None:
         value = values.plain(values.shifted[walk[leg.first]]) if len(part) > 1 else 0.0
@@ -127,13 +133,13 @@ def _step(
             if len(part) > 1
             else "this is the goal"
         )
-        return Step(place, "walk to the goal", place, value, reason, None, None, None, len(part) - 1, length_m)
+        return Step(place, "walk to the goal", place, value, reason, None, None, None, len(part) - 1, far_m)
     to = model.region_names[following.region]
     if chooser is None:
         return _step_without_map(model, walk[leg.first], place, to, len(part) - 1, values)
     door = _door_taken(model, chooser.regions, leg.region, following.region, walk[end - 1], walk[end])
     return _step_through(
-        model, place, door, following.region, chooser.at(walk[leg.first], door), len(part) - 1, length_m, values
+        model, place, door, following.region, chooser.at(walk[leg.first], door), len(part) - 1, far_m, values
     )
 
 

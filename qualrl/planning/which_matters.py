@@ -1,0 +1,144 @@
+"""Which doorways and regions a plan hangs on: what is lost without each, and the fewest doorways that cut it off."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import networkx as nx
+
+from qualrl.errors import SettingError
+from qualrl.models.grid_world import GridWorld
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.planning.planner import exact_walk
+from qualrl.qualitative.graph import crossings_of
+from qualrl.solving.exact import exact_values
+from qualrl.spatial.region_map import Doorway, RegionMap
+
+
+@dataclass(frozen=True)
+class Loss:
+    """What is lost when a doorway is closed, or all doorways of a region."""
+
+    name: str
+    kind: str
+    """"doorway" or "region"."""
+    loss: float | None
+    """Of the value at the start; None where nothing leads to the goal any more."""
+    longer_steps: int | None
+    """By how many moves the shortest way is longer then."""
+
+    def in_words(self) -> str:
+        """As a line of the answer."""
+        if self.loss is None or self.longer_steps is None:
+            return f"{self.name}: every way to the goal passes it"
+        longer = f"{self.longer_steps} steps longer" if self.longer_steps else "no longer"
+        return f"{self.name}: {self.loss:.3g} is lost without it; the shortest way is {longer} then"
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON."""
+        return {"name": self.name, "kind": self.kind, "loss": self.loss, "longer_steps": self.longer_steps}
+
+
+@dataclass(frozen=True)
+class WhichMatters:
+    """The answer."""
+
+    start: str
+    goal: str
+    value: float
+    """At the start, everything open."""
+    losses: tuple[Loss, ...]
+    """Of all doorways and regions without which something is lost, the greatest loss first.  (Where moves slip, closing
+    one may gain a little; that is not listed.)
+    """
+    cut: tuple[str, ...]
+    """Fewest doorways whose closing parts the start from the goal; none where both are in one region."""
+
+    def explain(self) -> str:
+        """In words, a line a fact."""
+        lines = [f"From {self.start} to {self.goal}, worth {self.value:.6g}:"]
+        lines += [loss.in_words() for loss in self.losses] or ["no single doorway or region matters"]
+        if self.cut:
+            doors = "doorway" if len(self.cut) == 1 else "doorways"
+            lines.append(
+                f"To cut the goal off, {len(self.cut)} {doors} must be closed at least: {', '.join(self.cut)}."
+            )
+        else:
+            lines.append("Start and goal are in the same region, so no doorway parts them.")
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON twin of ``explain``."""
+        return {
+            "question": "which-matters", "from": self.start, "to": self.goal, "value": self.value,
+            "losses": [loss.to_dict() for loss in self.losses], "cut": list(self.cut),
+            "sentences": self.explain().splitlines(),
+        }  # fmt: skip
+
+
+def which_matters(model: HybridMDP, start: int, names: tuple[str, str]) -> WhichMatters:
+    """Ask what the way from a state to the goal hangs on.  names: what to call start and goal.
+
+    Without slips only what the best way passes can matter: elsewhere it stays open as it is.  Where moves slip, every
+    doorway is closed in turn.  Raises NoPlanError where no way leads to the goal.
+    """
+    if model.regions is None:
+        raise SettingError("a model without a map has no doorways")
+    model.check_reachable(start)
+    exact = exact_values(model.world)
+    value, steps = float(exact.value[start]), int(model.grid.steps_to_goal[start])
+    doors = model.regions.doorways
+    if model.grid.slip == 0:
+        doors = _passed(model, model.regions, exact_walk(model, exact, start))
+    ends = {int(model.region_of[state]) for state in (start, model.grid.goal)}
+    regions = sorted({region for door in doors for region in door.pair} - ends)
+    closings = [(door.name, "doorway", [door]) for door in doors]
+    for region in regions:
+        its_doors = [door for door in model.regions.doorways if region in door.pair]
+        closings.append((model.region_names[region], "region", its_doors))
+    losses = [_loss(model, model.regions, start, (value, steps), *closing) for closing in closings]
+    felt = [loss for loss in losses if loss.loss is None or loss.longer_steps or loss.loss > 1e-9 * abs(value)]
+    felt.sort(key=lambda loss: (loss.loss is not None, -(loss.loss or 0.0), loss.kind, loss.name))
+    return WhichMatters(
+        *names,
+        value,
+        tuple(felt),
+        _fewest(model.regions, *(int(model.region_of[at]) for at in (start, model.grid.goal))),
+    )
+
+
+def _passed(model: HybridMDP, regions: RegionMap, walk: Sequence[int]) -> tuple[Doorway, ...]:
+    """The doorways that a walk passes; a diagonal move may pass several at once, by either cell beside it."""
+    cells = [model.cell_of(state) for state in walk]
+    pairs = {frozenset((model.region_of[a], model.region_of[b])) for a, b in pairwise(walk)}
+    steps = {frozenset(ends) for ends in pairwise(cells)}
+    if model.grid.directions == 4:
+        return tuple(
+            door for door in regions.doorways if any(frozenset(ends) in steps for ends in crossings_of(regions, door))
+        )
+    return tuple(door for door in regions.doorways if frozenset(door.pair) in pairs)
+
+
+def _loss(
+    model: HybridMDP, regions: RegionMap, start: int, now: tuple[float, int], name: str, kind: str,
+    doors: Sequence[Doorway],
+) -> Loss:  # fmt: skip
+    walls = [wall for door in doors for wall in crossings_of(regions, door)]
+    world: GridWorld = replace(model.grid, closed=(*model.grid.closed, *walls))
+    if world.steps_to_goal[start] < 0:
+        return Loss(name, kind, None, None)
+    left = float(exact_values(world).value[start])
+    return Loss(name, kind, now[0] - left, int(world.steps_to_goal[start]) - now[1])
+
+
+def _fewest(regions: RegionMap, start: int, goal: int) -> tuple[str, ...]:
+    """A smallest set of doorways between two regions whose closing parts them; () for one region."""
+    if start == goal:
+        return ()
+    counts = Counter(door.pair for door in regions.doorways)
+    graph: nx.Graph[int] = nx.Graph()
+    graph.add_weighted_edges_from(((one, other, count) for (one, other), count in counts.items()), weight="capacity")
+    _, (near, _) = nx.minimum_cut(graph, start, goal)
+    return tuple(door.name for door in regions.doorways if (door.pair[0] in near) != (door.pair[1] in near))

@@ -1,0 +1,125 @@
+"""Signs of polynomials on (0, 1) against sympy's roots, against sums in exact fractions, and by their certificates."""
+
+import json
+from fractions import Fraction
+
+import mpmath
+import pytest
+import sympy
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from qualrl.errors import SettingError
+from qualrl.qualitative.sign_intervals import sign_intervals
+from tests.certificates import check_signs, sign
+
+X = sympy.Symbol("x")
+TERMS = st.dictionaries(st.integers(0, 25), st.integers(-20, 20), max_size=6)
+
+
+def terms_of(expression):
+    return {exponent: int(of) for (exponent,), of in sympy.Poly(expression, X).terms()}
+
+
+def roots_inside(terms):
+    """Zeros in (0, 1) and how often each is one, by sympy."""
+    found = sympy.Poly({(exponent,): of for exponent, of in terms.items()}, X).real_roots(multiple=False)
+    return [(root, times) for root, times in found if 0 < root < 1]
+
+
+@settings(deadline=None, max_examples=150)
+@given(TERMS.filter(lambda terms: any(terms.values())))
+@example({0: 1, 1: -4, 2: 4})  # a double zero at 1/2
+@example(terms_of((3 * X - 1) ** 2 * (X - 1) ** 3))  # one at 1/3, which no dyadic number is, and one at the end
+@example(terms_of((3 * X - 1) ** 3 * (2 * X - 1) * X**4))
+@example({0: -1, 25: 1})
+def test_brackets_hold_the_zeros_that_sympy_finds(terms):
+    found = sign_intervals(terms)
+    roots = roots_inside(terms)
+    assert len(found.brackets) == len(roots)
+    for (low, high), sure, (before, after), (root, times) in zip(
+        found.brackets, found.is_zero, zip(found.signs, found.signs[1:], strict=False), roots, strict=True
+    ):
+        assert low <= root <= high
+        assert high - low <= Fraction(1, 2**64)
+        assert sure or times > 1
+        assert (before == after) == (times % 2 == 0)
+
+
+@settings(deadline=None, max_examples=150)
+@given(TERMS, st.fractions(0, 1, max_denominator=10**6))
+def test_signs_are_those_of_the_sum(terms, at):
+    found = sign_intervals(terms)
+    if at in (0, 1) or any(low <= at <= high for low, high in found.brackets):
+        return
+    before = sum(high < at for _, high in found.brackets)
+    assert found.signs[before] == sign({exponent: of for exponent, of in terms.items() if of}, at)
+
+
+@settings(deadline=None, max_examples=150)
+@given(TERMS)
+@example(terms_of((3 * X - 1) ** 2 * (X - 1) ** 3))
+@example({0: 1, 1: -4, 2: 4})
+def test_certificates_prove_the_signs(terms):
+    certificate = json.loads(json.dumps(sign_intervals(terms).certificate()))
+    check_signs(certificate, terms)
+
+
+def spoiled(certificate):
+    """The certificate with one thing wrong, in each of several ways."""
+    text = json.dumps(certificate)
+    flipped = json.loads(text)
+    flipped["signs"][0] *= -1
+    yield flipped
+    fewer = json.loads(text)
+    fewer["levels"][0]["brackets"].pop()
+    fewer["signs"].pop()
+    yield fewer
+    unlisted = json.loads(text)
+    unlisted["levels"][1]["brackets"] = []
+    yield unlisted
+    other = json.loads(text)
+    other["levels"][1]["terms"][0][1] = str(2 * int(other["levels"][1]["terms"][0][1]))
+    yield other
+    shorter = json.loads(text)
+    del shorter["levels"][-1]
+    yield shorter
+
+
+def test_the_checker_finds_what_is_wrong():
+    terms = {0: 1, 3: -7, 9: 8, 20: -1}
+    certificate = sign_intervals(terms).certificate()
+    check_signs(certificate, terms)
+    for wrong in spoiled(certificate):
+        with pytest.raises(AssertionError):
+            check_signs(wrong, terms)
+    with pytest.raises(AssertionError):
+        check_signs(certificate, terms | {3: -6})
+
+
+def test_two_thresholds_of_a_corridor_and_a_lab():
+    """The corridor takes 40 steps at -1, the lab 22 at -1 and 10 at -3; the goal pays 200 instead of the last step."""
+    worth = {0: -1, 39: 200 + 1, 40: -200}, {0: -1, 22: -2, 31: 200 + 3, 32: -200}
+    terms = {k: worth[0].get(k, 0) - worth[1].get(k, 0) for k in worth[0] | worth[1]}
+    found = sign_intervals(terms)
+    assert found.signs == (1, -1, 1)
+    assert [round(float(low), 4) for low, _ in found.brackets] == [0.6805, 0.9931]
+
+
+def test_a_thousand_steps_are_no_hindrance():
+    terms = {534: 2, 799: -5003, 800: 5000, 999: 5001, 1000: -5000}
+    found = sign_intervals(terms)
+    check_signs(json.loads(json.dumps(found.certificate())), terms)
+    assert found.signs == (1, -1, 1)
+    cuts = [0.0, *(float(low) for low, _ in found.brackets), 1.0]
+    with mpmath.workdps(60):
+        for wanted, low, high in zip(found.signs, cuts[:-1], cuts[1:], strict=True):
+            for share in (1e-6, 0.1, 0.5, 0.9, 1 - 1e-6):
+                x = mpmath.mpf(low) + share * (mpmath.mpf(high) - low)
+                assert mpmath.sign(sum(of * x**k for k, of in terms.items())) == wanted
+
+
+@pytest.mark.parametrize("terms", [{-1: 1}, {10**9: 1}])
+def test_exponents_out_of_range_are_refused(terms):
+    with pytest.raises(SettingError, match="exponents must be from 0"):
+        sign_intervals(terms)
