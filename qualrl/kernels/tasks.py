@@ -313,6 +313,7 @@ def run_steps(
             at, r0, r1, r2, r3 = started(starts, r0, r1, r2, r3)
             s, total, running, pending = int64(at), 0.0, -1, -1
             here = _spot(rows, n_options, s)
+        place = int64(rows.position[here.base + running]) if running >= 0 else int64(-1)
         until, over = min(rates.max_steps, t + n_steps - done), False
         done -= t
         while not over and t < until:
@@ -328,9 +329,9 @@ def run_steps(
                     pending = pick
                 a = pick - here.row - here.k
                 if a < 0:
-                    running = int64(rows.option[here.start + pick - here.row])
+                    place = pick - here.row
+                    running = int64(rows.option[here.start + place])
             if running >= 0:
-                place = int64(rows.position[here.base + running])
                 if policy is not None:
                     a = int64(policy[here.row + place])
                 if policy is None:
