@@ -4,8 +4,9 @@ from typing import Annotated
 
 import typer
 
-from qualrl.commands.console import PARSING, Console, guarded
-from qualrl.commands.options import PLACE, AsJson, Debug, Quiet, ScenarioFile, Settings
+from qualrl.commands.console import Console, guarded
+from qualrl.commands.options import AsJson, Debug, Quiet, ScenarioFile, Settings
+from qualrl.commands.questions import From, answered
 
 
 @guarded
@@ -14,7 +15,7 @@ def why_not(
     via: Annotated[
         list[str], typer.Option("--via", metavar="PLACE", help="A region, doorway or landmark; more for an order.")
     ],
-    start: Annotated[str | None, typer.Option("--from", metavar="PLACE", help=f"Where to start: {PLACE}.")] = None,
+    start: From = None,
     settings: Settings = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -22,12 +23,5 @@ def why_not(
 ) -> None:
     """Compare the best way with the best one by some places: what that costs, and for which gamma it would win."""
     from qualrl import api
-    from qualrl.commands.inputs import scenario_of
 
-    console = Console(as_json, quiet)
-    scenario = scenario_of(source, settings)
-    with console.stage(PARSING):
-        model = scenario.build()
-    with console.stage("solving"):
-        answer = api.why_not(model, via, start=start)
-    console.result(answer.to_dict(), lambda: print(answer.explain()))
+    answered(source, settings, Console(as_json, quiet), lambda model: api.why_not(model, via, start=start))

@@ -1,0 +1,36 @@
+"""What all questions to a plan share: a scenario's model, an answer in sentences, and its JSON twin."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
+
+import typer
+
+from qualrl.commands.console import PARSING, Console
+from qualrl.commands.options import PLACE
+
+if TYPE_CHECKING:
+    from qualrl.models.hybrid_mdp import HybridMDP
+
+From = Annotated[str | None, typer.Option("--from", metavar="PLACE", help=f"Where to start: {PLACE}.")]
+
+
+class Answer(Protocol):
+    """An answer whose every number stands in its JSON twin."""
+
+    def explain(self) -> str:
+        """In words."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON."""
+
+
+def answered(source: str, settings: list[str] | None, console: Console, ask: "Callable[[HybridMDP], Answer]") -> None:
+    """Build a scenario's model, ask it, and print the answer."""
+    from qualrl.commands.inputs import scenario_of
+
+    scenario = scenario_of(source, settings)
+    with console.stage(PARSING):
+        model = scenario.build()
+    with console.stage("solving"):
+        answer = ask(model)
+    console.result(answer.to_dict(), lambda: print(answer.explain()))
