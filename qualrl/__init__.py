@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from qualrl.api import Training, build, plan, train, train_seeds, which_matters, why_not
+    from qualrl.api import Training, build, plan, train, train_seeds, what_if, which_matters, why_not
     from qualrl.errors import QualrlError
     from qualrl.io.read_map import read_map
     from qualrl.io.scenario import Scenario, load_scenario
@@ -33,6 +33,7 @@ _HOME = {
     "plan": "api",
     "train": "api",
     "train_seeds": "api",
+    "what_if": "api",
     "which_matters": "api",
     "why_not": "api",
     "QualrlError": "errors",
@@ -68,6 +69,7 @@ __all__ = [
     "segment",
     "train",
     "train_seeds",
+    "what_if",
     "which_matters",
     "why_not",
 ]

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from qualrl.learning.online import Online
     from qualrl.learning.trainer import Milestone
     from qualrl.planning.plan import Plan
+    from qualrl.planning.what_if import WhatIf
     from qualrl.planning.which_matters import WhichMatters
     from qualrl.planning.why_not import WhyNot
 
@@ -191,6 +192,58 @@ def why_not(model: HybridMDP, via: str | Sequence[str], start: PlaceLike | None 
         raise SettingError("a model without a map has no places to go by")
     state, name = _start(model, start)
     return questions.why_not(model, state, (name, goal_name(model)), [via] if isinstance(via, str) else list(via))
+
+
+def what_if(
+    model: HybridMDP,
+    start: PlaceLike | None = None,
+    *,
+    close: str | Iterable[str] = (),
+    open: tuple[str, str] | None = None,  # noqa: A002: what it is called on a door
+    chance: float | None = None,
+    **numbers: float,
+) -> "WhatIf":
+    """What a change does to the plan: its way and value before and after, and where the change begins to matter.
+
+    close: names of doorways, or of regions for all of their doorways; chance: the probability that they are open after
+    all.  open: two regions, to open the thinnest wall between them.  numbers: gamma, slip, directions, step_reward,
+    goal_reward.  Raises UnknownNameError, SettingError, and NoPlanError where no way leads to the goal as it is.
+    """
+    from qualrl.planning import changed_model
+
+    _check("what_if", model, HybridMDP, "a HybridMDP, from qualrl.build")
+    changed = changed_model.with_numbers(model, **numbers) if numbers else model
+    told = tuple(f"{name} {number:g}" for name, number in numbers.items())
+    return compared(model, changed, start, told, close=close, open=open, chance=chance)
+
+
+def compared(
+    model: HybridMDP,
+    changed: HybridMDP,
+    start: PlaceLike | None,
+    told: tuple[str, ...],
+    *,
+    close: str | Iterable[str] = (),
+    open: tuple[str, str] | None = None,
+    chance: float | None = None,
+) -> "WhatIf":
+    """``what_if`` of a model and one that is changed already, as the words ``told`` say; close and open change more."""
+    from qualrl.planning import changed_model
+    from qualrl.planning import what_if as questions
+
+    if model.regions is None or changed.regions is None:
+        raise SettingError("a model without a map has nothing to close or open")
+    state, name = _start(model, start)
+    after = _start(changed, start)[0]
+    doors = changed_model.doors_named(changed.regions, [close] if isinstance(close, str) else close)
+    if chance is not None and not (0 <= chance <= 1 and doors and model.grid.slip == 0):
+        raise SettingError(f"chance {chance} must be from 0 to 1, of doorways to close, where moves do not slip")
+    if doors:
+        changed, told = changed.with_closed(doors), (*told, f"{', '.join(doors)} closed")
+    if open is not None:
+        changed, after, opened = changed_model.with_opened(changed, open, after)
+        told = (*told, opened)
+    return questions.what_if(model, changed, (state, after), (name, goal_name(model)), told, chance)
 
 
 def which_matters(model: HybridMDP, start: PlaceLike | None = None) -> "WhichMatters":

@@ -19,6 +19,7 @@ from qualrl.commands.run import run
 from qualrl.commands.schema import schema
 from qualrl.commands.show import show
 from qualrl.commands.warmup import warmup
+from qualrl.commands.what_if import what_if
 from qualrl.commands.which_matters import which_matters
 from qualrl.commands.why_not import why_not
 
@@ -54,6 +55,7 @@ for command, in_short in (
     (learn, "Learn a scenario, beside the exact optimum."),
     (plan, "Plan between two places, and say why each step is taken."),
     (why_not, "Why the plan does not go by a place, and when it would."),
+    (what_if, "What a closed door, an opened wall or another number changes."),
     (which_matters, "Which doorways and regions the plan hangs on."),
     (route, "The shortest way between two places of a map."),
     (learners, "List the learners and what each converges to."),

@@ -33,4 +33,9 @@ def answered(source: str, settings: list[str] | None, console: Console, ask: "Ca
         model = scenario.build()
     with console.stage("solving"):
         answer = ask(model)
+    told(console, answer)
+
+
+def told(console: Console, answer: Answer) -> None:
+    """Print an answer."""
     console.result(answer.to_dict(), lambda: print(answer.explain()))

@@ -137,13 +137,13 @@ def _step(
     to = model.region_names[following.region]
     if chooser is None:
         return _step_without_map(model, walk[leg.first], place, to, len(part) - 1, values)
-    door = _door_taken(model, chooser.regions, leg.region, following.region, walk[end - 1], walk[end])
+    door = door_taken(model, chooser.regions, leg.region, following.region, walk[end - 1], walk[end])
     return _step_through(
         model, place, door, following.region, chooser.at(walk[leg.first], door), len(part) - 1, far_m, values
     )
 
 
-def _door_taken(model: HybridMDP, regions: RegionMap, here: int, there: int, last: int, first: int) -> Doorway:
+def door_taken(model: HybridMDP, regions: RegionMap, here: int, there: int, last: int, first: int) -> Doorway:
     """The doorway between two regions that a crossing lies nearest to (on a diagonal move it may lie beside it)."""
     pair = (min(here, there), max(here, there))
     middle = (model.grid.cells[last] + model.grid.cells[first]) / 2

@@ -8,13 +8,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 from qualrl.errors import SettingError
 from qualrl.qualitative.sign_intervals import SignIntervals, sign_intervals
 
 if TYPE_CHECKING:
     import sympy
+
+
+class Worth(Protocol):
+    """What has a value as a formula in gamma: a way, or several of which chance picks one."""
+
+    def value(self, gamma: float) -> float:
+        """At its first step, in floating point."""
+
+    def terms(self) -> dict[int, Fraction]:
+        """(1 - gamma) * V: coefficient by exponent of gamma."""
+
+    def formula(self) -> "sympy.Expr":
+        """V in the symbol gamma."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +82,42 @@ class Course:
         return sympy.Add(*parts, evaluate=False)
 
 
+@dataclass(frozen=True)
+class Chance:
+    """Two ways that begin alike and go on by chance: worth what they are worth on average."""
+
+    likely: float
+    """The probability of the first."""
+    first: Course
+    second: Course
+
+    def value(self, gamma: float) -> float:
+        """What to expect at the first step, in floating point."""
+        return self.likely * self.first.value(gamma) + (1 - self.likely) * self.second.value(gamma)
+
+    def terms(self) -> dict[int, Fraction]:
+        """(1 - gamma) * V, the probability taken for the number that a float is."""
+        likely = Fraction(self.likely)
+        return combined((likely, self.first), (1 - likely, self.second))
+
+    def formula(self) -> "sympy.Expr":
+        """V in the symbol gamma."""
+        import sympy
+
+        likely = sympy.Rational(Fraction(self.likely))
+        shares = (likely, self.first), (1 - likely, self.second)
+        return sympy.Add(*(share * of.formula() for share, of in shares))
+
+
+def combined(*parts: tuple[Fraction | int, Worth]) -> dict[int, Fraction]:
+    """(1 - gamma) times a weighted sum of values: coefficient by exponent of gamma, none of them 0."""
+    found: dict[int, Fraction] = {}
+    for weight, worth in parts:
+        for exponent, of in worth.terms().items():
+            found[exponent] = found.get(exponent, Fraction(0)) + weight * of
+    return {exponent: of for exponent, of in found.items() if of}
+
+
 def _sum_of_powers(gamma: float, steps: int) -> float:
     return float(steps) if gamma == 1 else (1 - gamma**steps) / (1 - gamma)
 
@@ -87,8 +136,8 @@ class Verdict:
 class Contrast:
     """Two ways compared for every gamma in (0, 1), with proof."""
 
-    first: Course
-    second: Course
+    first: Worth
+    second: Worth
     scale: int
     """``signs`` is of scale * (1 - gamma) * (V of the first - V of the second), whose coefficients are whole."""
     signs: SignIntervals
@@ -118,26 +167,31 @@ class Contrast:
         last = "proved" if self.is_decided else "proved but where two intervals meet, which is undecided"
         return f"worth more is {', '.join(spans)}: {last}"
 
+    def to_dict(self, first: str, second: str) -> dict[str, Any]:
+        """As JSON, with formulas and certificate; ``first`` and ``second`` are the keys of the two."""
+        better = {1: first, -1: second, 0: "equal"}
+        return {
+            "verdicts": [{"low": of.low, "high": of.high, "better": better[of.sign]} for of in self.verdicts],
+            "decided": self.is_decided,
+            "formulas": {first: str(self.first.formula()), second: str(self.second.formula())},
+            "scale": str(self.scale),
+            "certificate": self.signs.certificate(),
+        }
 
-def contrast(first: Course, second: Course) -> Contrast:
+
+def contrast(first: Worth, second: Worth) -> Contrast:
     """Compare what two ways are worth for every gamma in (0, 1).
 
     Raises SettingError for ways too long to be exact about (see ``sign_intervals``) and for rewards that are no
     numbers.
     """
-    difference = dict(_checked(first))
-    for exponent, of in _checked(second).items():
-        difference[exponent] = difference.get(exponent, Fraction(0)) - of
+    try:
+        difference = combined((1, first), (-1, second))
+    except (ValueError, OverflowError):
+        raise SettingError("rewards must be finite numbers to compare ways by them") from None
     scale = lcm(*(of.denominator for of in difference.values()))
     whole = {exponent: int(of * scale) for exponent, of in difference.items()}
     return Contrast(first, second, scale, sign_intervals(whole))
-
-
-def _checked(course: Course) -> dict[int, Fraction]:
-    try:
-        return course.terms()
-    except (ValueError, OverflowError):
-        raise SettingError("rewards must be finite numbers to compare ways by them") from None
 
 
 def course_of(places: Sequence[str], rewards: Sequence[float]) -> Course:

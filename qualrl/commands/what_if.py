@@ -1,0 +1,69 @@
+"""``qualrl what-if``: what a change does to a plan."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from qualrl.commands.console import PARSING, Console, guarded
+from qualrl.commands.options import AsJson, Debug, Quiet, ScenarioFile
+from qualrl.commands.questions import From, told
+
+if TYPE_CHECKING:
+    from qualrl.models.hybrid_mdp import HybridMDP
+
+
+@guarded
+def what_if(
+    source: ScenarioFile,
+    close: Annotated[
+        list[str] | None, typer.Option("--close", metavar="DOORWAY", help="Or a region, for all of its doorways.")
+    ] = None,
+    opened: Annotated[
+        str | None, typer.Option("--open", metavar="A,B", help="Open the thinnest wall between two regions.")
+    ] = None,
+    chance: Annotated[
+        float | None, typer.Option("--chance", metavar="P", help="That what is closed is open after all.")
+    ] = None,
+    slip: Annotated[float | None, typer.Option("--slip", metavar="P", help="Change motion.slip.")] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change any setting, as learn.gamma=0.9.")
+    ] = None,
+    start: From = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Change something: the plan before and after, what that costs, and where it begins to matter."""
+    from qualrl import api
+    from qualrl.commands.inputs import scenario_of
+
+    console = Console(as_json, quiet)
+    scenario, asked = scenario_of(source), list(settings or [])
+    option = f"motion.slip={slip}"
+    if slip is not None:
+        asked.append(option)
+    changed = scenario.with_settings(asked, {option: "--slip"}) if asked else scenario
+    with console.stage(PARSING):
+        before = scenario.build()
+        after = before if changed == scenario else changed.build(before.regions if _on_same_map(asked) else None)
+    with console.stage("solving"):
+        pair = None if opened is None else _pair(opened, after)
+        answer = api.compared(before, after, start, tuple(asked), close=close or (), open=pair, chance=chance)
+    told(console, answer)
+
+
+def _on_same_map(settings: list[str]) -> bool:
+    """Whether settings change nothing that the map is cut by, or what its places are called."""
+    keys = ("start", "goal", "seed", "motion.", "reward.", "learn.", "changes", "online")
+    return all(setting.strip().startswith(keys) for setting in settings)
+
+
+def _pair(text: str, model: "HybridMDP") -> tuple[str, str]:
+    """Two regions' names around a comma; names may hold commas too."""
+    from qualrl.errors import ScenarioError
+
+    parts = text.split(",")
+    pairs = [(",".join(parts[:at]).strip(), ",".join(parts[at:]).strip()) for at in range(1, len(parts))]
+    if not pairs:
+        raise ScenarioError(f"--open {text}: name two regions with a comma between, as 'room A,corridor 1'")
+    return next((pair for pair in pairs if set(pair) <= set(model.region_names)), pairs[0])

@@ -1,0 +1,113 @@
+"""Whether to try a doorway that may be closed: go there and see, or go round at once.
+
+Who finds it closed goes on from in front of it by the best way without it.  What it is to find doorways closed at
+other places on the way is left out: the doorways are open all together, or not.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from qualrl.models.grid_world import GridWorld
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.planning.planner import door_taken, exact_walk
+from qualrl.planning.ways import course
+from qualrl.qualitative.break_even import BreakEven
+from qualrl.qualitative.plan_value import Chance, Contrast, contrast
+from qualrl.solving.exact import ExactValues
+
+
+@dataclass(frozen=True)
+class Trying:
+    """The answer for moves that do not slip."""
+
+    door: str
+    """The first of the closed doorways on the best way."""
+    gamma: float
+    break_even: BreakEven
+    chance: float | None
+    """A probability that it is open, asked about."""
+    contrast: Contrast | None
+    """Trying with that probability against going round, for every gamma."""
+
+    @property
+    def values(self) -> dict[str, float]:
+        """What each of the three ways is worth."""
+        ways = self.break_even
+        return {
+            "open": ways.open.value(self.gamma), "closed": ways.closed.value(self.gamma),
+            "round": ways.round.value(self.gamma),
+        }  # fmt: skip
+
+    def sentences(self) -> list[str]:
+        """In words."""
+        worth, at, limit = self.values, self.break_even.at(self.gamma), self.break_even.limit
+        lines = [
+            f"Going to {self.door} to see whether it is open is worth {worth['open']:.6g} if it is, "
+            f"{worth['closed']:.6g} if it is not ({self.break_even.closed.steps} steps); "
+            f"going round at once, {worth['round']:.6g}."
+        ]
+        if at is not None:
+            tends = "" if limit is None else f" (as gamma tends to 1: {float(limit):.4g})"
+            lines.append(
+                f"So trying pays if it is open with a probability above {at:.4g} at gamma {self.gamma:g}{tends}."
+            )
+        if self.contrast is not None:
+            words = self.contrast.in_words("trying", "going round")
+            lines.append(f"If it is open with probability {self.chance:g}, {words}.")
+        return lines
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON."""
+        limit = self.break_even.limit
+        return {
+            "door": self.door,
+            "gamma": self.gamma,
+            "values": self.values,
+            "steps_if_closed": self.break_even.closed.steps,
+            "break_even": self.break_even.at(self.gamma),
+            "limit": None if limit is None else str(limit),
+            "formula": str(self.break_even.formula()),
+            "grows": self.break_even.grows.to_dict("open", "closed"),
+            "chance": self.chance,
+            "contrast": None if self.contrast is None else self.contrast.to_dict("trying", "round"),
+        }
+
+
+def trying(
+    before: HybridMDP, after: HybridMDP, walk: Sequence[int], walk_round: Sequence[int], exact_after: ExactValues,
+    chance: float | None,
+) -> Trying | None:  # fmt: skip
+    """Compare trying a closed doorway with going round; None where the best way passes no doorway closed since.
+
+    before, after: with the doorways open and closed; walk, walk_round: their best ways.
+    """
+    door = _first_closed(before, after, walk)
+    if door is None or not _differ_in_doors_alone(before.grid, after.grid):
+        return None
+    at, name = door
+    back = exact_walk(after, exact_after, walk[at])
+    ways = BreakEven(course(before, walk), course(after, [*walk[:at], *back]), course(after, walk_round))
+    compared = None if chance is None else contrast(Chance(chance, ways.open, ways.closed), ways.round)
+    return Trying(name, before.gamma, ways, chance, compared)
+
+
+def _first_closed(before: HybridMDP, after: HybridMDP, walk: Sequence[int]) -> tuple[int, str] | None:
+    """The index of the first step of a walk that is closed in the other model, and the doorway it leads through."""
+    if len(before) != len(after) or before.regions is None:
+        return None
+    successor = after.grid.successor
+    for at, (here, there) in enumerate(pairwise(walk)):
+        if there not in successor[here]:
+            pair = int(before.region_of[here]), int(before.region_of[there])
+            return at, door_taken(before, before.regions, *pair, here, there).name
+    return None
+
+
+def _differ_in_doors_alone(before: GridWorld, after: GridWorld) -> bool:
+    others = [of.name for of in fields(GridWorld) if of.name not in ("free", "closed")]
+    alike = all(getattr(before, name) == getattr(after, name) for name in others)
+    return alike and before.slip == 0 and np.array_equal(before.free, after.free)

@@ -1,0 +1,165 @@
+"""What a change does to a plan: closed doorways, an opened wall, other numbers; and where it begins to matter."""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from qualrl.errors import SettingError
+from qualrl.models.grid_world import GridWorld
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.planning.changed_model import with_numbers
+from qualrl.planning.planner import exact_walk
+from qualrl.planning.trying import Trying, trying
+from qualrl.planning.ways import Way, course, more, way_of
+from qualrl.qualitative.plan_value import Contrast, contrast
+from qualrl.solving.exact import exact_values
+
+NUMBERS = ("gamma", "slip", "step_reward", "goal_reward")
+"""Numbers of a world that may be changed little by little."""
+HALVINGS = 14
+"""An interval becomes 16,384 times as narrow."""
+
+
+@dataclass(frozen=True)
+class Switch:
+    """The first change of the best way that was found as a number goes from what it was to what it is to be."""
+
+    name: str
+    same: float
+    """A value of it at which the best way is the one from before."""
+    other: float
+    """One close to it at which the best way is another."""
+
+    def in_words(self) -> str:
+        """As a line of the answer."""
+        low, high = sorted((self.same, self.other))
+        return f"The best way first changes between {self.name} {low:.6g} and {high:.6g}; both were solved exactly."
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON."""
+        return {"name": self.name, "same": self.same, "other": self.other}
+
+
+@dataclass(frozen=True)
+class WhatIf:
+    """The answer; everything that its sentences say stands in its fields."""
+
+    start: str
+    goal: str
+    changes: tuple[str, ...]
+    before: Way
+    after: Way | None
+    """None where no way leads to the goal any more."""
+    trying: Trying | None
+    """Whether to try the closed doorways when they may be open; None where the best way passes none of them."""
+    switch: Switch | None
+    """None unless one number alone is changed, and the best way with it."""
+    contrast: Contrast | None
+    """The ways before and after for every gamma, where gamma alone is changed, and no move slips."""
+
+    @property
+    def is_same_way(self) -> bool:
+        """Whether the best way leads through the same places and doorways as before."""
+        return self.after is not None and _course_of(self.before) == _course_of(self.after)
+
+    def explain(self) -> str:
+        """In words, a line a fact."""
+        lines = [
+            f"Now from {self.start} to {self.goal}: {self.before.in_words()}, worth {self.before.value:.6g}.",
+            self._after_in_words(),
+        ]
+        if self.trying is not None:
+            lines += self.trying.sentences()
+        if self.switch is not None:
+            lines.append(self.switch.in_words())
+        if self.contrast is not None:
+            lines.append(f"Of these two ways, {self.contrast.in_words('the old one', 'the new one')}.")
+        return "\n".join(lines)
+
+    def _after_in_words(self) -> str:
+        changes = ", ".join(self.changes)
+        if self.after is None:
+            return f"With {changes}: no way leads from {self.start} to {self.goal}."
+        difference = self.after.value - self.before.value
+        worth = f"{abs(difference):.3g} {'more' if difference >= 0 else 'less'}"
+        if self.is_same_way and self.after.steps == self.before.steps:
+            return f"With {changes}: the same way, worth {self.after.value:.6g}, {worth}."
+        longer = (
+            f"{more(self.after.steps - self.before.steps, 'steps')} and "
+            f"{more(self.after.length_m - self.before.length_m, 'm', 2)}"
+        )
+        return f"With {changes}: {self.after.in_words()}, worth {self.after.value:.6g}, {worth}; {longer}."
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON twin of ``explain``, with the formulas and the certificates."""
+        return {
+            "question": "what-if", "from": self.start, "to": self.goal, "changes": list(self.changes),
+            "before": self.before.to_dict(), "after": None if self.after is None else self.after.to_dict(),
+            "trying": None if self.trying is None else self.trying.to_dict(),
+            "switch": None if self.switch is None else self.switch.to_dict(),
+            "contrast": None if self.contrast is None else self.contrast.to_dict("before", "after"),
+            "sentences": self.explain().splitlines(),
+        }  # fmt: skip
+
+
+def what_if(
+    before: HybridMDP, after: HybridMDP, starts: tuple[int, int], names: tuple[str, str], changes: tuple[str, ...],
+    chance: float | None = None,
+) -> WhatIf:  # fmt: skip
+    """Ask what a change does to the plan from a state, whose numbers in the two models are ``starts``.
+
+    names: what to call start and goal.  changes: in words.  chance: the probability that doorways closed in ``after``
+    are open after all.  Raises NoPlanError where no way leads to the goal before, SettingError without a change.
+    """
+    if not changes:
+        raise SettingError("say what to change: a doorway to close, a wall to open, or a setting")
+    before.check_reachable(starts[0])
+    exact = exact_values(before.world)
+    walk = exact_walk(before, exact, starts[0])
+    way = way_of(before, [walk], float(exact.value[starts[0]]))
+    if not after.can_reach[starts[1]]:
+        return WhatIf(*names, changes, way, None, None, None, None)
+    exact_after = exact_values(after.world)
+    walk_after = exact_walk(after, exact_after, starts[1])
+    way_after = way_of(after, [walk_after], float(exact_after.value[starts[1]]))
+    number = _number_changed(before.grid, after.grid)
+    compared = None
+    if number == "gamma" and before.grid.slip == 0 and _course_of(way) != _course_of(way_after):
+        compared = contrast(course(before, walk), course(after, walk_after))
+    return WhatIf(
+        *names, changes, way, way_after, trying(before, after, walk, walk_after, exact_after, chance),
+        None if number is None else _switch(before, starts[0], number, getattr(after.grid, number), way), compared,
+    )  # fmt: skip
+
+
+def _number_changed(before: GridWorld, after: GridWorld) -> str | None:
+    """The only one of NUMBERS that two worlds on the same map differ in; None where they differ in more, or another."""
+    if not np.array_equal(before.free, after.free):
+        return None
+    others = [of.name for of in fields(GridWorld) if of.name not in (*NUMBERS, "free")]
+    if any(getattr(before, name) != getattr(after, name) for name in others):
+        return None
+    changed = [name for name in NUMBERS if getattr(before, name) != getattr(after, name)]
+    return changed[0] if len(changed) == 1 else None
+
+
+def _switch(model: HybridMDP, start: int, name: str, to: float, way: Way) -> Switch | None:
+    """Halve the interval between a number and another one, at whose end the best way is another, again and again."""
+
+    def is_same(number: float) -> bool:
+        changed = with_numbers(model, **{name: number})
+        exact = exact_values(changed.world)
+        return _course_of(way_of(changed, [exact_walk(changed, exact, start)], 0.0)) == _course_of(way)
+
+    if is_same(to):
+        return None
+    same, other = getattr(model.grid, name), to
+    for _ in range(HALVINGS):
+        middle = (same + other) / 2
+        same, other = (middle, other) if is_same(middle) else (same, middle)
+    return Switch(name, same, other)
+
+
+def _course_of(way: Way) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    return way.places, way.doors

@@ -1,0 +1,303 @@
+"""What a change does to a plan: against the changed world built by hand, networkx, and sums of rewards."""
+
+import json
+from fractions import Fraction
+from itertools import pairwise
+
+import mpmath
+import networkx as nx
+import numpy as np
+import pytest
+import sympy
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import qualrl
+from qualrl.errors import NoPlanError, SettingError, UnknownNameError
+from qualrl.qualitative.break_even import BreakEven
+from qualrl.qualitative.graph import crossings_of
+from qualrl.qualitative.plan_value import Chance, Course, Stretch, contrast
+from qualrl.solving.exact import exact_values
+from qualrl.spatial.passage import thinnest_passages, with_passage
+from tests.certificates import check_signs
+from tests.test_commands import draw
+from tests.test_commands import qualrl as qualrl_command
+from tests.test_planning import LOOP
+from tests.test_why_not import COURSES
+from tests.worlds import TWO_ROOMS, free_masks, grid_of
+
+REGIONS = qualrl.segment(grid_of(LOOP))
+CELLS = [tuple(cell) for cell in np.argwhere(REGIONS.grid.free).tolist()]
+GAMMAS = st.integers(1, 999).map(lambda thousandths: Fraction(thousandths, 1000))
+
+
+def worth(course, gamma):
+    """The value of a course in exact fractions, reward by reward."""
+    rewards = [Fraction(stretch.reward) for stretch in course.stretches for _ in range(stretch.steps)]
+    return sum((reward * gamma**t for t, reward in enumerate(rewards)), Fraction(0))
+
+
+def steps_graph(model):
+    return nx.from_edgelist((s, int(t)) for s in range(len(model)) for t in model.grid.successor[s])
+
+
+@settings(deadline=None, max_examples=100)
+@given(COURSES, COURSES, COURSES, GAMMAS)
+def test_at_the_break_even_trying_is_worth_as_much_as_going_round(opened, closed, around, gamma):
+    found = BreakEven(opened, closed, around)
+    a, b, c = (worth(course, gamma) for course in (opened, closed, around))
+    if a == b:
+        assert found.at(float(gamma)) is None or found.at(float(gamma)) == pytest.approx(float((c - b) / (a - b)))
+        return
+    exact = (c - b) / (a - b)
+    assume(abs(exact) < 1e6)  # else gamma itself, no float, tells too little
+    assert found.at(float(gamma)) == pytest.approx(float(exact), rel=1e-6, abs=1e-9)
+    assert found.formula().subs("gamma", sympy.Rational(gamma)) == sympy.Rational(exact)
+
+
+@settings(deadline=None, max_examples=60)
+@given(COURSES, COURSES, COURSES)
+def test_the_limit_is_where_the_formula_tends_to(opened, closed, around):
+    found = BreakEven(opened, closed, around)
+    gamma = 1 - mpmath.mpf(10) ** -30
+    with mpmath.workdps(120):
+        a, b, c = (
+            mpmath.fsum(
+                mpmath.mpf(stretch.reward) * gamma**t
+                for t, stretch in enumerate(part for part in course.stretches for _ in range(part.steps))
+            )
+            for course in (opened, closed, around)
+        )
+        if found.limit is None:
+            assert a == b or abs((c - b) / (a - b)) > 1e20
+        else:
+            assert abs((c - b) / (a - b) - mpmath.mpf(found.limit.numerator) / found.limit.denominator) < 1e-20
+
+
+@settings(deadline=None, max_examples=60)
+@given(COURSES, COURSES, COURSES, st.sampled_from([0.0, 0.25, 0.3, 1.0]), GAMMAS)
+def test_a_chance_is_worth_what_its_ways_are_on_average(first, second, other, likely, gamma):
+    chance = Chance(likely, first, second)
+    p = Fraction(likely)
+    mean = p * worth(first, gamma) + (1 - p) * worth(second, gamma)
+    assert chance.value(float(gamma)) == pytest.approx(float(mean), abs=1e-9)
+    assert chance.formula().subs("gamma", sympy.Rational(gamma)) == sympy.Rational(mean)
+    found = contrast(chance, other)
+    powers = set(chance.terms()) | set(other.terms())
+    whole = {k: int((chance.terms().get(k, 0) - other.terms().get(k, 0)) * found.scale) for k in powers}
+    check_signs(json.loads(json.dumps(found.signs.certificate())), whole)
+    difference = mean - worth(other, gamma)
+    for verdict in found.verdicts:
+        if verdict.low < float(gamma) < verdict.high:
+            assert (difference > 0) - (difference < 0) == verdict.sign
+
+
+def test_two_corridors_and_a_door():
+    """The lab is 11 steps shorter than the corridor if its door is open, and costs 8 steps there and back if not."""
+    opened, around = Course((Stretch("lab", 30, -1.0),)), Course((Stretch("corridor", 40, -1.0),))
+    closed = Course((Stretch("lab", 4, -1.0), Stretch("corridor", 44, -1.0)))
+    found = BreakEven(opened, closed, around)
+    assert found.limit == Fraction(8, 18)
+    assert found.at(1 - 1e-9) == pytest.approx(8 / 18, abs=1e-6)
+    assert found.grows.in_words("open", "closed") == "for every gamma in (0, 1) open is worth more: proved"
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.sampled_from(CELLS), st.sampled_from(CELLS), st.sampled_from([door.name for door in REGIONS.doorways]))
+def test_closing_a_doorway_does_what_closing_it_by_hand_does(start, goal, door):
+    assume(start != goal)
+    model = qualrl.build(REGIONS, list(goal), start=list(start), gamma=0.97)
+    by_hand = model.with_closed([door])
+    answer = qualrl.what_if(model, close=door)
+    assert answer.before.value == pytest.approx(exact_values(model.world).value[model.start])
+    if by_hand.grid.steps_to_goal[model.start] < 0:
+        assert answer.after is None
+        assert "no way leads" in answer.explain()
+        return
+    assert answer.after.value == pytest.approx(exact_values(by_hand.world).value[model.start])
+    assert answer.after.steps == by_hand.grid.steps_to_goal[model.start]
+    assert answer.switch is None
+    assert (answer.trying is None) == (door not in crossed(model, qualrl.plan(model).path))
+
+
+def crossed(model, path):
+    """The doorways that a path over cells passes."""
+    steps = {frozenset(ends) for ends in pairwise(path)}
+    return [
+        door.name for door in REGIONS.doorways if any(frozenset(ends) in steps for ends in crossings_of(REGIONS, door))
+    ]
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.sampled_from(CELLS), st.sampled_from(CELLS))
+def test_trying_is_to_go_there_and_from_there_round(start, goal):
+    assume(start != goal)
+    model = qualrl.build(REGIONS, list(goal), start=list(start), gamma=0.97)
+    path = qualrl.plan(model).path
+    doors = crossed(model, path)
+    assume(doors)
+    answer = qualrl.what_if(model, close=doors, chance=0.3)
+    assume(answer.after)
+    found, walk = answer.trying, [int(model.grid.state_of[cell]) for cell in path]
+    closed = steps_graph(model.with_closed(doors))
+    there = next(at for at in range(len(walk) - 1) if not closed.has_edge(walk[at], walk[at + 1]))
+    back = nx.shortest_path_length(closed, walk[there], model.grid.goal)
+
+    def value(steps):
+        return -(1 - 0.97 ** (steps - 1)) / (1 - 0.97) + 100 * 0.97 ** (steps - 1)
+
+    around = nx.shortest_path_length(closed, model.start, model.grid.goal)
+    assert found.values == pytest.approx(
+        {"open": value(len(walk) - 1), "closed": value(there + back), "round": value(around)}
+    )
+    p = (found.values["round"] - found.values["closed"]) / (found.values["open"] - found.values["closed"])
+    assert 0 <= p <= 1 + 1e-9
+    assert found.break_even.at(0.97) == pytest.approx(p, abs=1e-6)
+    better = [of for of in found.contrast.verdicts if of.low < 0.97 < of.high]
+    assert all(of.sign == (0 if p == 0.3 else 1 if p < 0.3 else -1) for of in better)
+
+
+@settings(deadline=None, max_examples=60)
+@given(free_masks(side=9, connected=False))
+def test_passages_are_the_thinnest_and_join_two_regions_and_nothing_else(free):
+    regions = qualrl.segment(qualrl.OccupancyGrid.from_free(free))
+    for one in range(len(regions.regions)):
+        for other in range(one + 1, len(regions.regions)):
+            found = thinnest_passages(regions, one, other)
+            expected = passages_by_hand(regions.label, one, other)
+            fewest = min(map(len, expected), default=0)
+            assert {of.cells for of in found} == {cells for cells in expected if len(cells) == fewest}
+            for passage in found[:2]:
+                opened, name = with_passage(regions, passage)
+                assert opened.regions[one].cells == (opened.label == one).sum()
+                assert doors_between(opened) == steps_between(opened)
+                assert name in opened.all_names
+                assert name not in regions.all_names
+
+
+def passages_by_hand(label, one, other):
+    """Straight runs of walls between a cell of each region, with walls on both sides, cell by cell."""
+    free = np.pad(label >= 0, 1)
+    found = set()
+    for row, column in np.argwhere(label == one).tolist():
+        for down, right in ((0, 1), (1, 0), (0, -1), (-1, 0)):
+            r, c, cells = row + down, column + right, []
+            while 0 <= r < label.shape[0] and 0 <= c < label.shape[1] and label[r, c] < 0:
+                cells.append((r, c))
+                r, c = r + down, c + right
+            beside = [(r + side * right, c + side * down) for r, c in cells for side in (-1, 1)]
+            inside = 0 <= r < label.shape[0] and 0 <= c < label.shape[1]
+            if cells and inside and label[r, c] == other and not any(free[a + 1, b + 1] for a, b in beside):
+                found.add(tuple(sorted(cells)))
+    return found
+
+
+def steps_between(regions):
+    """All steps between cells of two regions."""
+    cells = [tuple(cell) for cell in np.argwhere(regions.label >= 0).tolist()]
+    label = {cell: int(regions.label[cell]) for cell in cells}
+    beside = [(a, (a[0] + down, a[1] + right)) for a in cells for down, right in ((0, 1), (1, 0))]
+    return {frozenset(ends) for ends in beside if ends[1] in label and label[ends[0]] != label[ends[1]]}
+
+
+def doors_between(regions):
+    return {frozenset(ends) for door in regions.doorways for ends in crossings_of(regions, door)}
+
+
+def test_a_wall_is_opened_where_the_way_is_best():
+    regions = qualrl.segment(grid_of(LOOP))
+    model = qualrl.build(regions, [2, 24], start=[2, 2], gamma=0.97)
+    names = [model.region_names[regions.label[cell]] for cell in ((2, 12), (2, 24))]
+    answer = qualrl.what_if(model, open=tuple(names))
+    assert answer.before.steps == 26
+    assert answer.after.steps == 24  # up to row 4 for the first wall still
+    assert "passage 1" in answer.after.doors
+    assert "passage 1 opened from" in answer.explain()
+    assert qualrl.what_if(model, open=tuple(names[::-1])).after.steps == 24
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "changes"),
+    [((9, 3), (2, 24), {"gamma": 0.5}), ((9, 3), (2, 24), {"goal_reward": 0.0}), ((1, 7), (8, 24), {"slip": 0.4})],
+)
+def test_a_number_changes_the_way_where_it_is_said_to(start, goal, changes):
+    model = qualrl.build(REGIONS, list(goal), start=list(start), gamma=0.95, directions=8)
+    answer = qualrl.what_if(model, **changes)
+    ((name, to),) = changes.items()
+    first = getattr(model.grid, name)
+    assert answer.switch.name == name
+    assert abs(answer.switch.same - answer.switch.other) <= 1e-4 * abs(to - first)
+    settings_of = {"gamma": 0.95, "directions": 8}
+    places = [
+        qualrl.plan(
+            qualrl.build(REGIONS, list(goal), start=list(start), **(settings_of | {name: number}))
+        ).places
+        for number in (first, answer.switch.same, answer.switch.other, to)
+    ]  # fmt: skip
+    assert places[0] == places[1] == answer.before.places
+    assert places[2] != places[0]
+    assert places[3] == answer.after.places != places[0]
+    if name == "gamma":
+        signs = {
+            gamma: [of.sign for of in answer.contrast.verdicts if of.low < gamma < of.high] for gamma in (first, to)
+        }
+        assert signs == {first: [1], to: [-1]}
+    else:
+        assert answer.contrast is None
+
+
+def test_what_changes_nothing_says_so():
+    model = qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=0.97)
+    answer = qualrl.what_if(model, slip=0.0)
+    assert answer.is_same_way
+    assert "the same way" in answer.explain()
+    assert answer.switch is None
+
+
+def test_what_cannot_be_asked_is_refused():
+    model = qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=0.97)
+    room = model.region_names[0]
+    for asked, error, words in (
+        ({}, SettingError, "say what to change"),
+        ({"close": "door 99"}, UnknownNameError, "no doorway or region is called 'door 99'"),
+        ({"open": (room, "kitchen")}, UnknownNameError, "no region is called 'kitchen'"),
+        ({"open": (room, room)}, SettingError, "the same region"),
+        ({"slip": 2.0}, SettingError, "slip must be"),
+        ({"slope": 2.0}, SettingError, "no number of a model is called 'slope'"),
+        ({"chance": 0.5}, SettingError, "of doorways to close"),
+        ({"chance": 1.5, "close": "door 1"}, SettingError, "from 0 to 1"),
+    ):
+        with pytest.raises(error, match=words):
+            qualrl.what_if(model, **asked)
+    one_wall = qualrl.segment(grid_of("#####\n#...#\n###.#\n#...#\n#####"))
+    if len(one_wall.regions) > 1:
+        with pytest.raises(NoPlanError):
+            qualrl.what_if(qualrl.build(one_wall, [1, 1], start=[3, 1]), open=one_wall.region_names[:2])
+    table = qualrl.HybridMDP.from_table(model.grid.table(), ["all"] * len(model), start=model.start)
+    with pytest.raises(SettingError, match="without a map"):
+        qualrl.what_if(table, close="door 1")
+
+
+def test_the_command_answers_and_refuses(tmp_path):
+    draw(tmp_path, "rooms", TWO_ROOMS)
+    (tmp_path / "rooms.scenario.yaml").write_text("map: rooms.yaml\nstart: [2, 2]\ngoal: [2, 15]\n")
+    ask = "what-if", "rooms.scenario.yaml"
+    said = qualrl_command(*ask, "--close", "door 1", cwd=tmp_path)[0]
+    assert "no way leads" in said
+    document = json.loads(qualrl_command(*ask, "--open", "room A,room B", "--json", cwd=tmp_path)[0])
+    assert document["after"]["steps"] == 13 < document["before"]["steps"] == 17
+    said = qualrl_command(*ask, "--open", "room A,room B", cwd=tmp_path)[0]
+    assert said.splitlines() == document["sentences"]
+    document = json.loads(qualrl_command(*ask, "--slip", "0.2", "--set", "reward.goal=9", "--json", cwd=tmp_path)[0])
+    assert document["changes"] == ["reward.goal=9", "motion.slip=0.2"]
+    assert document["after"]["value"] < document["before"]["value"]
+    for asked, words in (
+        (("--close", "door 9"), "no doorway or region is called 'door 9'"),
+        (("--slip", "2"), "--slip"),
+        (("--open", "room A"), "name two regions with a comma between"),
+        (("--set", "learn.gama=0.9"), "did you mean"),
+        ((), "say what to change"),
+    ):
+        error = qualrl_command(*ask, *asked, cwd=tmp_path, expect=2)[1]
+        assert words in error
+        assert error.count("\n") == 1
