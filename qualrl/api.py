@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from qualrl.learning.online import Online
     from qualrl.learning.trainer import Milestone
     from qualrl.planning.plan import Plan
+    from qualrl.planning.reconcile import Reconciled
     from qualrl.planning.what_if import WhatIf
     from qualrl.planning.which_matters import WhichMatters
     from qualrl.planning.why_not import WhyNot
@@ -244,6 +245,23 @@ def compared(
         changed, after, opened = changed_model.with_opened(changed, open, after)
         told = (*told, opened)
     return questions.what_if(model, changed, (state, after), (name, goal_name(model)), told, chance)
+
+
+def reconcile(model: HybridMDP, expected: Sequence[str], start: PlaceLike | None = None) -> "Reconciled":
+    """The smallest change of the map (doorways closed, walls opened) under which an expected plan would be best.
+
+    expected: the regions it passes, in their order, from the start's to the goal's.
+    Raises UnknownNameError, SettingError, and NoPlanError where nothing would do.
+    """
+    from qualrl.planning import reconcile as questions
+
+    _check("reconcile", model, HybridMDP, "a HybridMDP, from qualrl.build")
+    if model.regions is None:
+        raise SettingError("a model without a map has nothing to close or open")
+    if not expected:
+        raise SettingError("say which regions the plan is expected to pass")
+    state, name = _start(model, start)
+    return questions.reconcile(model, state, (name, goal_name(model)), expected)
 
 
 def which_matters(model: HybridMDP, start: PlaceLike | None = None) -> "WhichMatters":

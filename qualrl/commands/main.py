@@ -13,6 +13,7 @@ from qualrl.commands.learn import learn
 from qualrl.commands.learners import learners
 from qualrl.commands.plan import plan
 from qualrl.commands.prove import prove
+from qualrl.commands.reconcile import reconcile
 from qualrl.commands.reproduce import reproduce
 from qualrl.commands.route import route
 from qualrl.commands.run import run
@@ -57,6 +58,7 @@ for command, in_short in (
     (why_not, "Why the plan does not go by a place, and when it would."),
     (what_if, "What a closed door, an opened wall or another number changes."),
     (which_matters, "Which doorways and regions the plan hangs on."),
+    (reconcile, "The smallest change that would make an expected plan best."),
     (route, "The shortest way between two places of a map."),
     (learners, "List the learners and what each converges to."),
     (schema, "Print the JSON Schema of scenario files, for editors."),

@@ -36,6 +36,16 @@ def answered(source: str, settings: list[str] | None, console: Console, ask: "Ca
     told(console, answer)
 
 
+def listed(option: str, text: str) -> list[str]:
+    """Names between commas.  Raises ScenarioError."""
+    from qualrl.errors import ScenarioError
+
+    names = [name.strip() for name in text.split(",")]
+    if not all(names):
+        raise ScenarioError(f"{option} {text!r}: write names with a comma between, as 'room A, corridor 1'")
+    return names
+
+
 def told(console: Console, answer: Answer) -> None:
     """Print an answer."""
     console.result(answer.to_dict(), lambda: print(answer.explain()))

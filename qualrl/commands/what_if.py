@@ -1,15 +1,12 @@
 """``qualrl what-if``: what a change does to a plan."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from qualrl.commands.console import PARSING, Console, guarded
 from qualrl.commands.options import AsJson, Debug, Quiet, ScenarioFile
-from qualrl.commands.questions import From, told
-
-if TYPE_CHECKING:
-    from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.commands.questions import From, listed, told
 
 
 @guarded
@@ -47,7 +44,7 @@ def what_if(
         before = scenario.build()
         after = before if changed == scenario else changed.build(before.regions if _on_same_map(asked) else None)
     with console.stage("solving"):
-        pair = None if opened is None else _pair(opened, after)
+        pair = None if opened is None else _pair(opened)
         answer = api.compared(before, after, start, tuple(asked), close=close or (), open=pair, chance=chance)
     told(console, answer)
 
@@ -58,12 +55,11 @@ def _on_same_map(settings: list[str]) -> bool:
     return all(setting.strip().startswith(keys) for setting in settings)
 
 
-def _pair(text: str, model: "HybridMDP") -> tuple[str, str]:
-    """Two regions' names around a comma; names may hold commas too."""
+def _pair(text: str) -> tuple[str, str]:
+    """Two regions' names around a comma."""
     from qualrl.errors import ScenarioError
 
-    parts = text.split(",")
-    pairs = [(",".join(parts[:at]).strip(), ",".join(parts[at:]).strip()) for at in range(1, len(parts))]
-    if not pairs:
-        raise ScenarioError(f"--open {text}: name two regions with a comma between, as 'room A,corridor 1'")
-    return next((pair for pair in pairs if set(pair) <= set(model.region_names)), pairs[0])
+    names = listed("--open", text)
+    if len(names) != 2:
+        raise ScenarioError(f"--open {text!r}: name two regions with a comma between, as 'room A, corridor 1'")
+    return names[0], names[1]

@@ -1,0 +1,185 @@
+"""The smallest change of a map under which the plan that somebody expects would be best.
+
+What may change is which regions are joined: a doorway closed, or a wall opened where two places that are to follow
+each other have no doorway.  Openings are what the expected plan cannot do without; the closings are found by search.
+A set of closings that makes the expected plan best must close some doorway of every better way, so only doorways of
+the best way so far are tried (moves must not slip: else a value hangs on doorways beside its way).
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+from qualrl.errors import NoPlanError, SettingError, UnknownNameError
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.planning.changed_model import with_opened
+from qualrl.planning.planner import exact_walk
+from qualrl.planning.ways import Way, way_of
+from qualrl.solving.exact import exact_values
+
+MOST_SOLVED = 1000
+"""Models that are solved at most to find the smallest set of closings."""
+
+Doors = frozenset[str]
+
+
+@dataclass(frozen=True)
+class Reconciled:
+    """The answer."""
+
+    start: str
+    goal: str
+    expected: tuple[str, ...]
+    best: Way
+    """As things are."""
+    own: Way
+    """The best way along the expected places, walls opened where it needs that."""
+    opened: tuple[str, ...]
+    """What was opened, in words."""
+    closed: tuple[str, ...]
+    """Doorways to close."""
+    is_smallest: bool
+    """Whether no smaller set of closings would do; else none can be left out of this one, but others were not tried."""
+
+    def explain(self) -> str:
+        """In words, a line a fact."""
+        lines = [
+            f"Best from {self.start} to {self.goal}: {self.best.in_words()}, worth {self.best.value:.6g}.",
+            f"Expected: {self.own.in_words()}, worth {self.own.value:.6g}"
+            + (f" with {', '.join(self.opened)}." if self.opened else "."),
+        ]
+        if not self.opened and not self.closed:
+            lines.append("The expected plan is best already, or as good as any.")
+            return "\n".join(lines)
+        changes = [*self.opened, *(f"{name} closed" for name in self.closed)]
+        lines.append(f"It would be best with {', '.join(changes)}.")
+        if self.closed and self.is_smallest:
+            lines.append("No smaller set of closed doorways would do: those of every better way were tried.")
+        elif self.closed:
+            lines.append("None of these closings can be left out; whether a smaller set would do is undecided.")
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON twin of ``explain``."""
+        return {
+            "question": "reconcile", "from": self.start, "to": self.goal, "expected": list(self.expected),
+            "best": self.best.to_dict(), "own": self.own.to_dict(), "opened": list(self.opened),
+            "closed": list(self.closed), "smallest": self.is_smallest, "sentences": self.explain().splitlines(),
+        }  # fmt: skip
+
+
+def reconcile(model: HybridMDP, start: int, names: tuple[str, str], expected: Sequence[str]) -> Reconciled:
+    """Ask what would have to change for a plan through some regions, in their order and no others, to be best.
+
+    names: what to call start and goal.  Raises UnknownNameError, SettingError for places that no best plan passes so,
+    and NoPlanError where no wall can be opened.
+    """
+    _check(model, start, expected)
+    model.check_reachable(start)
+    best = _best(model, start)
+    opened, changed, at = list[str](), model, start
+    for pair in pairwise(expected):
+        if not _doors_between(changed, [pair]):
+            changed, at, words = with_opened(changed, pair, at)
+            opened.append(words)
+    search = _Search(changed, at, tuple(expected))
+    own = search.own(frozenset())
+    if own is None:
+        raise NoPlanError(
+            f"no way leads from {names[0]} to {names[1]} through {', '.join(expected)} alone: a doorway between two "
+            "of them leads nowhere; expect more places"
+        )
+    closed, is_smallest = search.closings()
+    return Reconciled(*names, tuple(expected), best, own, tuple(opened), tuple(sorted(closed)), is_smallest)
+
+
+def _check(model: HybridMDP, start: int, expected: Sequence[str]) -> None:
+    assert model.regions is not None
+    if model.grid.slip > 0:
+        raise SettingError("where moves slip, a value hangs on every doorway near its way: set motion.slip to 0 to ask")
+    for name in expected:
+        if name not in model.region_names:
+            raise UnknownNameError(model.regions.why_not(name, "no region", model.region_names))
+    ends = [model.region_names[model.region_of[state]] for state in (start, model.grid.goal)]
+    if [expected[0], expected[-1]] != ends:
+        raise SettingError(f"a plan from {ends[0]} to {ends[1]} begins and ends there, got {', '.join(expected)}")
+    if len(set(expected)) < len(expected):
+        raise SettingError(f"no best plan passes a region twice, got {', '.join(expected)}")
+
+
+def _best(model: HybridMDP, start: int) -> Way:
+    exact = exact_values(model.world)
+    return way_of(model, [exact_walk(model, exact, start)], float(exact.value[start]))
+
+
+def _doors_between(model: HybridMDP, pairs: Iterable[tuple[str, str]]) -> Doors:
+    """The doorways between two regions of any of some pairs."""
+    assert model.regions is not None
+    wanted = {frozenset(pair) for pair in pairs}
+    names = model.region_names
+    return frozenset(door.name for door in model.regions.doorways if frozenset(names[at] for at in door.pair) in wanted)
+
+
+@dataclass
+class _Search:
+    """Sets of closed doorways, each tried once."""
+
+    model: HybridMDP
+    start: int
+    expected: tuple[str, ...]
+    known: dict[Doors, Way | None] = field(default_factory=dict)
+
+    def way(self, closed: Doors) -> Way | None:
+        """The best way with some doorways closed; None where there is none."""
+        if closed not in self.known:
+            changed = self.model.with_closed(closed)
+            self.known[closed] = _best(changed, self.start) if changed.can_reach[self.start] else None
+        return self.known[closed]
+
+    def own(self, closed: Doors) -> Way | None:
+        """The same along the expected places alone."""
+        assert self.model.regions is not None
+        allowed = _doors_between(self.model, pairwise(self.expected))
+        others = frozenset(door.name for door in self.model.regions.doorways) - allowed
+        way = self.way(others | closed)
+        return way if way is not None and way.places == self.expected else None
+
+    def is_best(self, closed: Doors) -> bool:
+        """Whether the expected plan is as good as any with some doorways closed."""
+        own, best = self.own(closed), self.way(closed)
+        if own is None or best is None:
+            return False
+        return best.places == self.expected or own.value >= best.value - 1e-9 * abs(best.value)
+
+    def closings(self) -> tuple[Doors, bool]:
+        """A set of doorways whose closing makes the expected plan best, and whether it is known to be smallest."""
+        size = 0
+        while len(self.known) < MOST_SOLVED:
+            for closed in self._of_size(frozenset(), size):
+                if self.is_best(closed):
+                    return closed, True
+                if len(self.known) >= MOST_SOLVED:
+                    break
+            size += 1
+        return self._none_to_spare(), False
+
+    def _of_size(self, closed: Doors, size: int) -> Iterator[Doors]:
+        """Sets of some more doorways, each of them on the best way that is left by those before it."""
+        if size == 0:
+            yield closed
+            return
+        way = self.way(closed)
+        for door in sorted(set(way.doors)) if way is not None and not self.is_best(closed) else ():
+            if self.own(closed | {door}) is not None:
+                yield from self._of_size(closed | {door}, size - 1)
+
+    def _none_to_spare(self) -> Doors:
+        """All doorways but those between expected places, less each that can be left out."""
+        assert self.model.regions is not None
+        closed = frozenset(door.name for door in self.model.regions.doorways)
+        closed -= _doors_between(self.model, pairwise(self.expected))
+        for door in sorted(closed):
+            if self.is_best(closed - {door}):
+                closed -= {door}
+        return closed
