@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from qualrl.api import Training, build, plan, train, train_seeds, which_matters, why_not
+    from qualrl.api import Training, build, plan, summary, train, train_seeds, which_matters, why_not
     from qualrl.errors import QualrlError
     from qualrl.io.read_map import read_map
     from qualrl.io.scenario import Scenario, load_scenario
@@ -31,6 +31,7 @@ _HOME = {
     "Training": "api",
     "build": "api",
     "plan": "api",
+    "summary": "api",
     "train": "api",
     "train_seeds": "api",
     "which_matters": "api",
@@ -66,6 +67,7 @@ __all__ = [
     "plan",
     "read_map",
     "segment",
+    "summary",
     "train",
     "train_seeds",
     "which_matters",

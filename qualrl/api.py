@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from qualrl.learning.online import Online
     from qualrl.learning.trainer import Milestone
     from qualrl.planning.plan import Plan
+    from qualrl.planning.summary import Summary
     from qualrl.planning.which_matters import WhichMatters
     from qualrl.planning.why_not import WhyNot
 
@@ -203,6 +204,17 @@ def which_matters(model: HybridMDP, start: PlaceLike | None = None) -> "WhichMat
     _check("which_matters", model, HybridMDP, "a HybridMDP, from qualrl.build")
     state, name = _start(model, start)
     return questions.which_matters(model, state, (name, goal_name(model)))
+
+
+def summary(model: HybridMDP) -> "Summary":
+    """The best policy in brief: the doorway to leave each region by, exceptions, and where the choice matters most.
+
+    Raises SettingError for a model without a map.
+    """
+    from qualrl.planning import summary as questions
+
+    _check("summary", model, HybridMDP, "a HybridMDP, from qualrl.build")
+    return questions.summary(model, goal_name(model))
 
 
 def goal_name(model: HybridMDP) -> str:

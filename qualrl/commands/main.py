@@ -18,6 +18,7 @@ from qualrl.commands.route import route
 from qualrl.commands.run import run
 from qualrl.commands.schema import schema
 from qualrl.commands.show import show
+from qualrl.commands.summary import summary
 from qualrl.commands.warmup import warmup
 from qualrl.commands.which_matters import which_matters
 from qualrl.commands.why_not import why_not
@@ -55,6 +56,7 @@ for command, in_short in (
     (plan, "Plan between two places, and say why each step is taken."),
     (why_not, "Why the plan does not go by a place, and when it would."),
     (which_matters, "Which doorways and regions the plan hangs on."),
+    (summary, "The best policy in a sentence a region, and exceptions."),
     (route, "The shortest way between two places of a map."),
     (learners, "List the learners and what each converges to."),
     (schema, "Print the JSON Schema of scenario files, for editors."),
