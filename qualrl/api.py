@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from qualrl.learning.changes import Change
     from qualrl.learning.online import Online
     from qualrl.learning.trainer import Milestone
+    from qualrl.planning.how_sure import HowSure
     from qualrl.planning.plan import Plan
     from qualrl.planning.summary import Summary
     from qualrl.planning.which_matters import WhichMatters
@@ -42,6 +43,15 @@ class Training(LearningRun):
 
         state, name = _start(self.model, start)
         return plan_from_run(self, state, (name, goal_name(self.model)))
+
+    def how_sure(self, start: PlaceLike | None = None) -> "HowSure":
+        """What was learned beside exact values, and whether the order of the two best actions is settled.
+
+        Raises NoPlanError when no way leads from the start (by default the model's own) to the goal.
+        """
+        from qualrl.planning.how_sure import how_sure
+
+        return how_sure(self, *_start(self.model, start))
 
 
 def build(

@@ -9,6 +9,7 @@ import typer
 
 from qualrl import __version__
 from qualrl.commands.convert import convert
+from qualrl.commands.how_sure import how_sure
 from qualrl.commands.learn import learn
 from qualrl.commands.learners import learners
 from qualrl.commands.plan import plan
@@ -57,6 +58,7 @@ for command, in_short in (
     (why_not, "Why the plan does not go by a place, and when it would."),
     (which_matters, "Which doorways and regions the plan hangs on."),
     (summary, "The best policy in a sentence a region, and exceptions."),
+    (how_sure, "What was learned beside exact values, and how firm it is."),
     (route, "The shortest way between two places of a map."),
     (learners, "List the learners and what each converges to."),
     (schema, "Print the JSON Schema of scenario files, for editors."),
