@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from qualrl.api import Training, build, plan, reconcile, train, train_seeds, what_if, which_matters, why_not
+    from qualrl import questions
+    from qualrl.api import Training, build, plan, train, train_seeds
     from qualrl.errors import QualrlError
     from qualrl.io.read_map import read_map
     from qualrl.io.scenario import Scenario, load_scenario
@@ -31,12 +32,8 @@ _HOME = {
     "Training": "api",
     "build": "api",
     "plan": "api",
-    "reconcile": "api",
     "train": "api",
     "train_seeds": "api",
-    "what_if": "api",
-    "which_matters": "api",
-    "why_not": "api",
     "QualrlError": "errors",
     "read_map": "io.read_map",
     "Scenario": "io.scenario",
@@ -66,18 +63,17 @@ __all__ = [
     "build",
     "load_scenario",
     "plan",
+    "questions",
     "read_map",
-    "reconcile",
     "segment",
     "train",
     "train_seeds",
-    "what_if",
-    "which_matters",
-    "why_not",
 ]
 
 
 def __getattr__(name: str) -> Any:
+    if name == "questions":
+        return importlib.import_module("qualrl.questions")
     if name not in _HOME:
         raise AttributeError(f"module 'qualrl' has no attribute {name!r}")
     value = getattr(importlib.import_module(f"qualrl.{_HOME[name]}"), name)

@@ -21,11 +21,8 @@ if TYPE_CHECKING:
     from qualrl.learning.changes import Change
     from qualrl.learning.online import Online
     from qualrl.learning.trainer import Milestone
+    from qualrl.planning.how_sure import HowSure
     from qualrl.planning.plan import Plan
-    from qualrl.planning.reconcile import Reconciled
-    from qualrl.planning.what_if import WhatIf
-    from qualrl.planning.which_matters import WhichMatters
-    from qualrl.planning.why_not import WhyNot
 
 PlaceLike = PlaceOnMap | int
 """A place as ``spatial.place.PlaceLike``, or, for a model without a map, the number of a state."""
@@ -41,8 +38,17 @@ class Training(LearningRun):
         """
         from qualrl.planning.planner import plan_from_run
 
-        state, name = _start(self.model, start)
+        state, name = start_of(self.model, start)
         return plan_from_run(self, state, (name, goal_name(self.model)))
+
+    def how_sure(self, start: PlaceLike | None = None) -> "HowSure":
+        """What was learned beside exact values, and whether the order of the two best actions is settled.
+
+        Raises NoPlanError when no way leads from the start (by default the model's own) to the goal.
+        """
+        from qualrl.planning.how_sure import how_sure
+
+        return how_sure(self, *start_of(self.model, start))
 
 
 def build(
@@ -68,7 +74,7 @@ def build(
     and floors, the parts of the map that nothing connects.
     Raises UnknownNameError, PlaceError, ScenarioError or SettingError.
     """
-    _check("build", regions, RegionMap, "a RegionMap, from qualrl.segment")
+    check_type("build", regions, RegionMap, "a RegionMap, from qualrl.segment")
     renamed = regions.renamed(names) if names else regions
     if landmarks is not None:
         from qualrl.spatial.placed_landmarks import with_landmarks
@@ -104,7 +110,7 @@ def train(
     not know the map and sees what is near.
     Raises UnknownNameError for an unknown algorithm or setting, SettingError, or NoPlanError.
     """
-    _check("train", model, HybridMDP, "a HybridMDP, from qualrl.build or HybridMDP.from_table")
+    check_type("train", model, HybridMDP, "a HybridMDP, from qualrl.build or HybridMDP.from_table")
     told = _settings(settings)
     if online is None:
         return training_of(run_learner(model, algorithm, told, seed, watch, changes))
@@ -131,7 +137,7 @@ def train_seeds(
     """
     from qualrl.learning.many import over_threads
 
-    _check("train_seeds", model, HybridMDP, "a HybridMDP, from qualrl.build or HybridMDP.from_table")
+    check_type("train_seeds", model, HybridMDP, "a HybridMDP, from qualrl.build or HybridMDP.from_table")
     chosen = _settings(settings)
     wanted = range(seeds) if isinstance(seeds, int) else list(seeds)
     runs = over_threads(lambda seed, stops: run_learner(model, algorithm, chosen, seed, stops), wanted, threads, told)
@@ -147,7 +153,7 @@ def _settings(given: Mapping[str, Any]) -> LearnSettings:
     return LearnSettings(**given)
 
 
-def _check(verb: str, given: object, wanted: type | UnionType, words: str) -> None:
+def check_type(verb: str, given: object, wanted: type | UnionType, words: str) -> None:
     """Raise TypeError for an argument that another verb makes."""
     if not isinstance(given, wanted):
         raise TypeError(f"{verb} needs {words}, got {type(given).__name__}")
@@ -168,112 +174,17 @@ def plan(
     """
     from qualrl.planning.planner import plan_exactly
 
-    _check("plan", source, HybridMDP | Training, "a HybridMDP or a Training, from qualrl.build or qualrl.train")
+    check_type("plan", source, HybridMDP | Training, "a HybridMDP or a Training, from qualrl.build or qualrl.train")
     model = source.model if isinstance(source, Training) else source
     if goal is not None and (other := _with_goal(model, goal)) is not None:
-        state, name = _start(other, start)
+        state, name = start_of(other, start)
         notes = ["Note: another goal than was learned, so this plan is the exact one."] * isinstance(source, Training)
         return plan_exactly(other, state, (name, _name(goal)), notes=notes)
     if isinstance(source, Training) and not exact:
         return source.plan(start)
-    state, name = _start(model, start)
+    state, name = start_of(model, start)
     solved = source.exact if isinstance(source, Training) else None
     return plan_exactly(model, state, (name, goal_name(model) if goal is None else _name(goal)), exact=solved)
-
-
-def why_not(model: HybridMDP, via: str | Sequence[str], start: PlaceLike | None = None) -> "WhyNot":
-    """Why the plan does not go by a place (or several, in an order): what that costs, and for which gamma it would win.
-
-    via: names of regions, doorways or landmarks.  Raises NoPlanError when no way leads by them, UnknownNameError.
-    """
-    from qualrl.planning import why_not as questions
-
-    _check("why_not", model, HybridMDP, "a HybridMDP, from qualrl.build")
-    if model.regions is None:
-        raise SettingError("a model without a map has no places to go by")
-    state, name = _start(model, start)
-    return questions.why_not(model, state, (name, goal_name(model)), [via] if isinstance(via, str) else list(via))
-
-
-def what_if(
-    model: HybridMDP,
-    start: PlaceLike | None = None,
-    *,
-    close: str | Iterable[str] = (),
-    open: tuple[str, str] | None = None,  # noqa: A002: what it is called on a door
-    chance: float | None = None,
-    **numbers: float,
-) -> "WhatIf":
-    """What a change does to the plan: its way and value before and after, and where the change begins to matter.
-
-    close: names of doorways, or of regions for all of their doorways; chance: the probability that they are open after
-    all.  open: two regions, to open the thinnest wall between them.  numbers: gamma, slip, directions, step_reward,
-    goal_reward.  Raises UnknownNameError, SettingError, and NoPlanError where no way leads to the goal as it is.
-    """
-    from qualrl.planning import changed_model
-
-    _check("what_if", model, HybridMDP, "a HybridMDP, from qualrl.build")
-    changed = changed_model.with_numbers(model, **numbers) if numbers else model
-    told = tuple(f"{name} {number:g}" for name, number in numbers.items())
-    return compared(model, changed, start, told, close=close, open=open, chance=chance)
-
-
-def compared(
-    model: HybridMDP,
-    changed: HybridMDP,
-    start: PlaceLike | None,
-    told: tuple[str, ...],
-    *,
-    close: str | Iterable[str] = (),
-    open: tuple[str, str] | None = None,
-    chance: float | None = None,
-) -> "WhatIf":
-    """``what_if`` of a model and one that is changed already, as the words ``told`` say; close and open change more."""
-    from qualrl.planning import changed_model
-    from qualrl.planning import what_if as questions
-
-    if model.regions is None or changed.regions is None:
-        raise SettingError("a model without a map has nothing to close or open")
-    state, name = _start(model, start)
-    after = _start(changed, start)[0]
-    doors = changed_model.doors_named(changed.regions, [close] if isinstance(close, str) else close)
-    if chance is not None and not (0 <= chance <= 1 and doors and model.grid.slip == 0):
-        raise SettingError(f"chance {chance} must be from 0 to 1, of doorways to close, where moves do not slip")
-    if doors:
-        changed, told = changed.with_closed(doors), (*told, f"{', '.join(doors)} closed")
-    if open is not None:
-        changed, after, opened = changed_model.with_opened(changed, open, after)
-        told = (*told, opened)
-    return questions.what_if(model, changed, (state, after), (name, goal_name(model)), told, chance)
-
-
-def reconcile(model: HybridMDP, expected: Sequence[str], start: PlaceLike | None = None) -> "Reconciled":
-    """The smallest change of the map (doorways closed, walls opened) under which an expected plan would be best.
-
-    expected: the regions it passes, in their order, from the start's to the goal's.
-    Raises UnknownNameError, SettingError, and NoPlanError where nothing would do.
-    """
-    from qualrl.planning import reconcile as questions
-
-    _check("reconcile", model, HybridMDP, "a HybridMDP, from qualrl.build")
-    if model.regions is None:
-        raise SettingError("a model without a map has nothing to close or open")
-    if not expected:
-        raise SettingError("say which regions the plan is expected to pass")
-    state, name = _start(model, start)
-    return questions.reconcile(model, state, (name, goal_name(model)), expected)
-
-
-def which_matters(model: HybridMDP, start: PlaceLike | None = None) -> "WhichMatters":
-    """Which doorways and regions the plan hangs on: what is lost without each, and the fewest that cut the goal off.
-
-    Raises NoPlanError when no way leads to the goal, and SettingError for a model without a map.
-    """
-    from qualrl.planning import which_matters as questions
-
-    _check("which_matters", model, HybridMDP, "a HybridMDP, from qualrl.build")
-    state, name = _start(model, start)
-    return questions.which_matters(model, state, (name, goal_name(model)))
 
 
 def goal_name(model: HybridMDP) -> str:
@@ -296,7 +207,7 @@ def _with_goal(model: HybridMDP, goal: PlaceLike) -> HybridMDP | None:
     return replace(other, world=replace(other.grid, closed=world.closed), coarser=model.coarser)
 
 
-def _start(model: HybridMDP, start: PlaceLike | None) -> tuple[int, str]:
+def start_of(model: HybridMDP, start: PlaceLike | None) -> tuple[int, str]:
     """State and name of a start."""
     if start is None:
         if model.start is None:

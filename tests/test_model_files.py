@@ -67,11 +67,12 @@ def test_a_model_without_a_map_reads_back_the_same(tmp_path):
 def test_a_written_run_reads_back_the_same_and_knows_its_model(tmp_path):
     regions = qualrl.segment(grid_of(TWO_ROOMS))
     model = qualrl.build(regions, "room B", start="room A")
-    run = qualrl.train(model, "hql", episodes=40, alpha=0.5)
-    write_run(run, tmp_path / "t.npz")
-    again = read_run(tmp_path / "t.npz", model)
-    for name in ("q", "steps", "returns", "arc_q", "arc_visits"):
-        np.testing.assert_array_equal(getattr(run, name), getattr(again, name))
+    for algorithm, alpha in (("hql", 0.5), ("hql", "1/(1+k)"), ("hql-replay", 0.5)):
+        run = qualrl.train(model, algorithm, episodes=40, alpha=alpha)
+        write_run(run, tmp_path / "t.npz")
+        again = read_run(tmp_path / "t.npz", model)
+        for name in ("q", "steps", "returns", "arc_q", "arc_visits", "shifted_q", "visits"):
+            np.testing.assert_array_equal(getattr(run, name), getattr(again, name))
     assert (run.settings, run.algorithm, run.seed) == (again.settings, again.algorithm, again.seed)
     other = qualrl.build(regions, "room B", directions=8)
     with pytest.raises(MapError, match="another model"):

@@ -44,6 +44,20 @@ DEAD_END = """
 ###################
 """
 
+CORNER_TOUCH = """
+#..#.
+.##..
+###..
+#....
+..#..
+....#
+.#...
+...#.
+.....
+.##.#
+##...
+"""
+
 
 def regions_of(text, resolution_m=1.0):
     return qualrl.segment(grid_of(text, resolution_m))
@@ -250,3 +264,14 @@ def test_where_moves_mostly_slip_a_plan_still_leads_to_the_goal(slip):
     plan = qualrl.plan(model)
     assert plan.path[-1] == (6, 6)
     assert plan.value == pytest.approx(oracles.GridTwin(model.grid.free, (6, 6), 4, slip).values(0.99)[11, 1], abs=1e-6)
+
+
+def test_a_diagonal_between_regions_that_touch_at_a_corner_only_is_told_by_a_doorway_beside_it():
+    regions = regions_of(CORNER_TOUCH)
+    pair = {int(regions.label[cell]) for cell in ((5, 2), (6, 3))}
+    assert pair not in [set(door.pair) for door in regions.doorways]
+    model = qualrl.build(regions, [6, 3], start=[5, 2], directions=8)
+    first, _ = qualrl.plan(model).steps
+    near = next(door for door in regions.doorways if f"go through {door.name} to" in first.action)
+    assert int(regions.label[5, 2]) in near.pair
+    assert np.abs(near.cells - [5.5, 2.5]).sum(axis=1).min() <= 1

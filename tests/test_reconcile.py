@@ -54,7 +54,7 @@ def test_no_smaller_set_of_closed_doorways_would_do(data):
     expected = [REGIONS.region_names[at] for at in data.draw(st.sampled_from(routes))]
     model = qualrl.build(REGIONS, list(goal), start=list(start), gamma=0.97)
     try:
-        answer = qualrl.reconcile(model, expected)
+        answer = qualrl.questions.reconcile(model, expected)
     except NoPlanError:  # the best way along them still passes one of them for some cells only, or none leads on
         others = [name for name in DOORS if not is_between(name, expected)]
         changed = model.with_closed(others)
@@ -80,12 +80,12 @@ def test_walls_are_opened_where_the_plan_needs_it():
         regions.region_names[regions.label[cell]] for cell in ((2, 2), (2, 10), (2, 18), (7, 10))
     )
     model = qualrl.build(regions, [2, 18], start=[2, 2], gamma=0.97)
-    answer = qualrl.reconcile(model, [left, middle, right])
+    answer = qualrl.questions.reconcile(model, [left, middle, right])
     assert len(answer.opened) == 2
     assert answer.closed == ()
     assert answer.own.steps == 16 < answer.best.steps
     assert "It would be best with passage 1 opened" in answer.explain()
-    answer = qualrl.reconcile(model, [left, corridor, middle, right])
+    answer = qualrl.questions.reconcile(model, [left, corridor, middle, right])
     assert len(answer.opened) == 1
     assert answer.own.places == (left, corridor, middle, right)
 
@@ -106,7 +106,7 @@ THREE_ROOMS = """
 
 def test_the_best_plan_needs_no_change():
     model = qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=0.97)
-    answer = qualrl.reconcile(model, qualrl.plan(model).places)
+    answer = qualrl.questions.reconcile(model, qualrl.plan(model).places)
     assert answer.closed == answer.opened == ()
     assert "best already" in answer.explain()
     assert answer.own == answer.best
@@ -118,11 +118,11 @@ def test_where_the_search_ends_too_early_it_does_not_call_its_set_smallest(monke
     ends = [int(REGIONS.label[cell]) for cell in ((2, 2), (2, 24))]
     longest = max(nx.all_simple_paths(NEIGHBOURS, *ends), key=len)
     expected = [names[at] for at in longest]
-    smallest = qualrl.reconcile(model, expected)
+    smallest = qualrl.questions.reconcile(model, expected)
     assert smallest.is_smallest
     assert smallest.closed
     monkeypatch.setattr(questions, "MOST_SOLVED", 2)
-    found = qualrl.reconcile(model, expected)
+    found = qualrl.questions.reconcile(model, expected)
     assert not found.is_smallest
     assert "undecided" in found.explain()
     assert is_best(model, expected, found.closed)
@@ -140,10 +140,10 @@ def test_what_cannot_be_expected_is_refused():
         ([places[0], places[1], places[0], *places[1:]], SettingError, "twice"),
     ):
         with pytest.raises(error, match=words):
-            qualrl.reconcile(model, asked)
+            qualrl.questions.reconcile(model, asked)
     slippery = qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=0.97, slip=0.1)
     with pytest.raises(SettingError, match="where moves slip"):
-        qualrl.reconcile(slippery, places)
+        qualrl.questions.reconcile(slippery, places)
 
 
 def test_the_course_of_no_walk_is_empty():

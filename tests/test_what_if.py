@@ -108,7 +108,7 @@ def test_closing_a_doorway_does_what_closing_it_by_hand_does(start, goal, door):
     assume(start != goal)
     model = qualrl.build(REGIONS, list(goal), start=list(start), gamma=0.97)
     by_hand = model.with_closed([door])
-    answer = qualrl.what_if(model, close=door)
+    answer = qualrl.questions.what_if(model, close=door)
     assert answer.before.value == pytest.approx(exact_values(model.world).value[model.start])
     if by_hand.grid.steps_to_goal[model.start] < 0:
         assert answer.after is None
@@ -136,7 +136,7 @@ def test_trying_is_to_go_there_and_from_there_round(start, goal):
     path = qualrl.plan(model).path
     doors = crossed(model, path)
     assume(doors)
-    answer = qualrl.what_if(model, close=doors, chance=0.3)
+    answer = qualrl.questions.what_if(model, close=doors, chance=0.3)
     assume(answer.after)
     found, walk = answer.trying, [int(model.grid.state_of[cell]) for cell in path]
     closed = steps_graph(model.with_closed(doors))
@@ -208,12 +208,12 @@ def test_a_wall_is_opened_where_the_way_is_best():
     regions = qualrl.segment(grid_of(LOOP))
     model = qualrl.build(regions, [2, 24], start=[2, 2], gamma=0.97)
     names = [model.region_names[regions.label[cell]] for cell in ((2, 12), (2, 24))]
-    answer = qualrl.what_if(model, open=tuple(names))
+    answer = qualrl.questions.what_if(model, open=tuple(names))
     assert answer.before.steps == 26
     assert answer.after.steps == 24  # up to row 4 for the first wall still
     assert "passage 1" in answer.after.doors
     assert "passage 1 opened from" in answer.explain()
-    assert qualrl.what_if(model, open=tuple(names[::-1])).after.steps == 24
+    assert qualrl.questions.what_if(model, open=tuple(names[::-1])).after.steps == 24
 
 
 @pytest.mark.parametrize(
@@ -222,7 +222,7 @@ def test_a_wall_is_opened_where_the_way_is_best():
 )
 def test_a_number_changes_the_way_where_it_is_said_to(start, goal, changes):
     model = qualrl.build(REGIONS, list(goal), start=list(start), gamma=0.95, directions=8)
-    answer = qualrl.what_if(model, **changes)
+    answer = qualrl.questions.what_if(model, **changes)
     ((name, to),) = changes.items()
     first = getattr(model.grid, name)
     assert answer.switch.name == name
@@ -248,7 +248,7 @@ def test_a_number_changes_the_way_where_it_is_said_to(start, goal, changes):
 
 def test_what_changes_nothing_says_so():
     model = qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=0.97)
-    answer = qualrl.what_if(model, slip=0.0)
+    answer = qualrl.questions.what_if(model, slip=0.0)
     assert answer.is_same_way
     assert "the same way" in answer.explain()
     assert answer.switch is None
@@ -268,14 +268,14 @@ def test_what_cannot_be_asked_is_refused():
         ({"chance": 1.5, "close": "door 1"}, SettingError, "from 0 to 1"),
     ):
         with pytest.raises(error, match=words):
-            qualrl.what_if(model, **asked)
+            qualrl.questions.what_if(model, **asked)
     one_wall = qualrl.segment(grid_of("#####\n#...#\n###.#\n#...#\n#####"))
     if len(one_wall.regions) > 1:
         with pytest.raises(NoPlanError):
-            qualrl.what_if(qualrl.build(one_wall, [1, 1], start=[3, 1]), open=one_wall.region_names[:2])
+            qualrl.questions.what_if(qualrl.build(one_wall, [1, 1], start=[3, 1]), open=one_wall.region_names[:2])
     table = qualrl.HybridMDP.from_table(model.grid.table(), ["all"] * len(model), start=model.start)
     with pytest.raises(SettingError, match="without a map"):
-        qualrl.what_if(table, close="door 1")
+        qualrl.questions.what_if(table, close="door 1")
 
 
 def test_the_command_answers_and_refuses(tmp_path):

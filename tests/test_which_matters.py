@@ -48,7 +48,7 @@ def by_hand(model):
 def test_losses_are_those_of_closing_each_by_hand(start, goal):
     assume(start != goal)
     model = qualrl.build(REGIONS, list(goal), start=list(start), gamma=0.97)
-    answer = qualrl.which_matters(model)
+    answer = qualrl.questions.which_matters(model)
     expected = by_hand(model)
     assert {(loss.name, loss.kind) for loss in answer.losses} == set(expected)
     for loss in answer.losses:
@@ -64,7 +64,7 @@ def test_losses_are_those_of_closing_each_by_hand(start, goal):
 def test_the_cut_parts_start_and_goal_and_no_smaller_one_does(start, goal):
     assume(start != goal)
     model = qualrl.build(REGIONS, list(goal), start=list(start))
-    cut = qualrl.which_matters(model).cut
+    cut = qualrl.questions.which_matters(model).cut
     ends = [int(model.region_of[state]) for state in (model.start, model.grid.goal)]
     if ends[0] == ends[1]:
         assert cut == ()
@@ -85,7 +85,7 @@ def test_the_cut_parts_start_and_goal_and_no_smaller_one_does(start, goal):
 def test_slips_and_diagonals_are_reckoned_with(slip, directions):
     model = qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=0.95, slip=slip, directions=directions)
     now = qualrl.plan(model).value
-    answer = qualrl.which_matters(model)
+    answer = qualrl.questions.which_matters(model)
     told = {loss.name: loss.loss for loss in answer.losses if loss.kind == "doorway"}
     for door in REGIONS.doorways:
         try:
@@ -115,7 +115,7 @@ def test_the_answer_says_what_its_fields_hold(tmp_path):
 
 def test_in_one_room_nothing_matters():
     model = qualrl.build(REGIONS, [2, 4], start=[2, 2])
-    assert qualrl.which_matters(model).explain().splitlines()[1:] == [
+    assert qualrl.questions.which_matters(model).explain().splitlines()[1:] == [
         "no single doorway or region matters",
         "Start and goal are in the same region, so no doorway parts them.",
     ]
@@ -124,6 +124,6 @@ def test_in_one_room_nothing_matters():
 def test_models_without_a_map_are_refused():
     table = TabularMDP.from_outcomes({0: {0: [(1.0, 1, 1.0, True)]}, 1: {0: [(1.0, 1, 0.0, True)]}}, gamma=0.9)
     model = qualrl.HybridMDP.from_table(table, ["a", "b"], start=0)
-    for ask in (qualrl.which_matters, lambda model: qualrl.why_not(model, "b")):
+    for ask in (qualrl.questions.which_matters, lambda model: qualrl.questions.why_not(model, "b")):
         with pytest.raises(SettingError, match="without a map"):
             ask(model)

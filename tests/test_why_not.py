@@ -160,7 +160,7 @@ def loop():
 
 def test_the_answer_holds_every_number_that_it_says(loop):
     stop = next(name for name in loop.region_names if name not in qualrl.plan(loop).places)
-    answer = qualrl.why_not(loop, stop)
+    answer = qualrl.questions.why_not(loop, stop)
     document = json.loads(json.dumps(answer.to_dict()))
     best, by = document["best"], document["by"]
     assert stop in by["places"]
@@ -193,14 +193,14 @@ def test_stops_are_passed_in_their_order(loop):
 
 
 def test_a_stop_on_the_way_costs_nothing(loop):
-    answer = qualrl.why_not(loop, qualrl.plan(loop).places[0])
+    answer = qualrl.questions.why_not(loop, qualrl.plan(loop).places[0])
     assert "costs nothing at gamma 0.95" in answer.explain()
     assert answer.best.steps == answer.by.steps
 
 
 def test_where_moves_slip_other_gammas_are_undecided():
     model = qualrl.build(qualrl.segment(grid_of(LOOP)), [2, 24], start=[2, 2], gamma=0.95, slip=0.1)
-    answer = qualrl.why_not(model, model.region_names[-1])
+    answer = qualrl.questions.why_not(model, model.region_names[-1])
     assert answer.contrast is None
     assert "undecided: moves slip" in answer.explain()
     assert answer.to_dict()["contrast"] is None
@@ -208,14 +208,14 @@ def test_where_moves_slip_other_gammas_are_undecided():
 
 def test_what_cannot_be_answered_is_refused(loop):
     with pytest.raises(UnknownNameError, match="no place is called 'kitchen'"):
-        qualrl.why_not(loop, "kitchen")
+        qualrl.questions.why_not(loop, "kitchen")
     with pytest.raises(SettingError, match="say by which place"):
-        qualrl.why_not(loop, [])
+        qualrl.questions.why_not(loop, [])
     behind = qualrl.build(
         qualrl.segment(grid_of("#######\n#.....#\n#######")), [1, 4], start=[1, 1], landmarks={"end": [1, 5]}
     )
     with pytest.raises(NoPlanError, match="without passing the goal first"):
-        qualrl.why_not(behind, "end")
+        qualrl.questions.why_not(behind, "end")
 
 
 def test_the_command_answers_and_refuses(tmp_path):

@@ -9,6 +9,7 @@ import typer
 
 from qualrl import __version__
 from qualrl.commands.convert import convert
+from qualrl.commands.how_sure import how_sure
 from qualrl.commands.learn import learn
 from qualrl.commands.learners import learners
 from qualrl.commands.plan import plan
@@ -19,6 +20,7 @@ from qualrl.commands.route import route
 from qualrl.commands.run import run
 from qualrl.commands.schema import schema
 from qualrl.commands.show import show
+from qualrl.commands.summary import summary
 from qualrl.commands.warmup import warmup
 from qualrl.commands.what_if import what_if
 from qualrl.commands.which_matters import which_matters
@@ -59,6 +61,8 @@ for command, in_short in (
     (what_if, "What a closed door, an opened wall or another number changes."),
     (which_matters, "Which doorways and regions the plan hangs on."),
     (reconcile, "The smallest change that would make an expected plan best."),
+    (summary, "The best policy in a sentence a region, and exceptions."),
+    (how_sure, "What was learned beside exact values, and how firm it is."),
     (route, "The shortest way between two places of a map."),
     (learners, "List the learners and what each converges to."),
     (schema, "Print the JSON Schema of scenario files, for editors."),

@@ -1,6 +1,5 @@
 """``qualrl plan``: a plan between any two places."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -29,13 +28,20 @@ def plan(
     """Plan between two places, from what was learned or exactly, and say why each step is taken."""
     from qualrl import api
     from qualrl.commands.inputs import scenario_of
+    from qualrl.commands.learned import TRAINING_FILE, model_in, training_in
     from qualrl.commands.tables import print_plan
+    from qualrl.errors import ScenarioError
     from qualrl.io.bundled import SCENARIO_SUFFIX, found
 
     console = Console(as_json, quiet)
     path = found(source, SCENARIO_SUFFIX)
+    known: HybridMDP | Training
     if path.is_dir():
-        known = _from_folder(path, settings)
+        if settings:
+            raise ScenarioError("--set changes a scenario; a result folder stays as it is")
+        known = model_in(path)
+        if (path / TRAINING_FILE).is_file():
+            known = training_in(path, known)
     else:
         scenario = scenario_of(source, settings)
         with console.stage(PARSING):
@@ -45,21 +51,3 @@ def plan(
     if not isinstance(known, api.Training) and not exact:
         console.note("nothing has been learned here yet, so the plan is the exact one; 'qualrl run' learns first")
     console.result(made.to_dict(), lambda: print_plan(made))
-
-
-def _from_folder(folder: Path, settings: list[str] | None) -> "HybridMDP | Training":
-    """The training of a result folder, or its model when nothing was learned there."""
-    from qualrl import api
-    from qualrl.commands.results import MODEL_FILE, TRAINING_FILE
-    from qualrl.errors import ScenarioError
-    from qualrl.io.model_file import read_model
-    from qualrl.io.training_file import read_run
-
-    if settings:
-        raise ScenarioError("--set changes a scenario; a result folder stays as it is")
-    if not (folder / MODEL_FILE).is_file():
-        raise ScenarioError(f"{folder}: holds no {MODEL_FILE}; name a scenario, or a folder that qualrl wrote")
-    model = read_model(folder / MODEL_FILE)
-    if not (folder / TRAINING_FILE).is_file():
-        return model
-    return api.training_of(read_run(folder / TRAINING_FILE, model))

@@ -22,7 +22,7 @@ def reconcile(
     debug: Debug = False,
 ) -> None:
     """Find the smallest change of the map under which the plan that you expect would be best."""
-    from qualrl import api
+    from qualrl import questions
 
     expected = listed("--expect", expect)
-    answered(source, settings, Console(as_json, quiet), lambda model: api.reconcile(model, expected, start=start))
+    answered(source, settings, Console(as_json, quiet), lambda model: questions.reconcile(model, expected, start=start))

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from qualrl.api import Training
+from qualrl.commands.learned import MODEL_FILE, TRAINING_FILE
 from qualrl.io.graph_file import write_graph_json, write_graphml
 from qualrl.io.label_image import write_label_image
 from qualrl.io.model_file import write_model
@@ -17,7 +18,7 @@ from qualrl.planning.plan import Plan
 if TYPE_CHECKING:
     from qualrl.report.sheet import Size
 
-MODEL_FILE, TRAINING_FILE, SCENARIO_FILE = "hybrid_mdp.npz", "training.npz", "scenario.yaml"
+SCENARIO_FILE = "scenario.yaml"
 MAP_FILES = ("regions.png", "overlay.png", "graph.json", "graph.graphml", MODEL_FILE, SCENARIO_FILE)
 LEARNING_FILES = (TRAINING_FILE, "learn.json", "learning_curve.png")
 GROWTH_FILE = "growth.png"

@@ -31,7 +31,7 @@ def what_if(
     debug: Debug = False,
 ) -> None:
     """Change something: the plan before and after, what that costs, and where it begins to matter."""
-    from qualrl import api
+    from qualrl import questions
     from qualrl.commands.inputs import scenario_of
 
     console = Console(as_json, quiet)
@@ -45,7 +45,7 @@ def what_if(
         after = before if changed == scenario else changed.build(before.regions if _on_same_map(asked) else None)
     with console.stage("solving"):
         pair = None if opened is None else _pair(opened)
-        answer = api.compared(before, after, start, tuple(asked), close=close or (), open=pair, chance=chance)
+        answer = questions.compared(before, after, start, tuple(asked), close=close or (), open=pair, chance=chance)
     told(console, answer)
 
 

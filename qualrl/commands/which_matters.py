@@ -15,6 +15,6 @@ def which_matters(
     debug: Debug = False,
 ) -> None:
     """Close each doorway and region in turn: what is lost without it, and the fewest that cut the goal off."""
-    from qualrl import api
+    from qualrl import questions
 
-    answered(source, settings, Console(as_json, quiet), lambda model: api.which_matters(model, start=start))
+    answered(source, settings, Console(as_json, quiet), lambda model: questions.which_matters(model, start=start))

@@ -22,6 +22,6 @@ def why_not(
     debug: Debug = False,
 ) -> None:
     """Compare the best way with the best one by some places: what that costs, and for which gamma it would win."""
-    from qualrl import api
+    from qualrl import questions
 
-    answered(source, settings, Console(as_json, quiet), lambda model: api.why_not(model, via, start=start))
+    answered(source, settings, Console(as_json, quiet), lambda model: questions.why_not(model, via, start=start))

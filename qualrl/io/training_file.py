@@ -10,6 +10,7 @@ from qualrl.models.hybrid_mdp import HybridMDP
 
 FORMAT = "qualrl-training/1"
 ARRAYS = ("steps", "returns", "q", "arc_q", "arc_visits")
+NOT_ALWAYS = ("shifted_q", "visits")
 
 
 def write_run(run: LearningRun, file: Path) -> None:
@@ -20,8 +21,7 @@ def write_run(run: LearningRun, file: Path) -> None:
         "model": fingerprint(run.model),
     }  # fmt: skip
     arrays = {name: getattr(run, name) for name in ARRAYS}
-    if run.shifted_q is not None:
-        arrays["shifted_q"] = run.shifted_q
+    arrays |= {name: array for name in NOT_ALWAYS if (array := getattr(run, name)) is not None}
     write_arrays(file, about, arrays)
 
 
@@ -32,7 +32,8 @@ def read_run(file: Path, model: HybridMDP) -> LearningRun:
         run = LearningRun(
             model=model, algorithm=about["algorithm"], seed=about["seed"], seconds=about["seconds"],
             settings=LearnSettings(**about["settings"]), steps=arrays["steps"], returns=arrays["returns"],
-            q=arrays["q"], arc_q=arrays["arc_q"], arc_visits=arrays["arc_visits"], shifted_q=arrays.get("shifted_q"),
+            q=arrays["q"], arc_q=arrays["arc_q"], arc_visits=arrays["arc_visits"],
+            shifted_q=arrays.get("shifted_q"), visits=arrays.get("visits"),
         )  # fmt: skip
     except (KeyError, TypeError, QualrlError) as error:
         raise MapError(f"{file}: not a whole training file ({type(error).__name__}: {error})") from None

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from qualrl.kernels import stepping
 from qualrl.kernels import traces as kernel
-from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world, rewired, visits_of
+from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world, rewired, tried, visits_of
 from qualrl.learning.rules import LearningRule
 from qualrl.learning.settings import LearnSettings
 from qualrl.models.grid_world import GridWorld
@@ -55,4 +55,4 @@ class AheadLearner:
         q = self._q.copy()
         if self._trace is not None:
             q += self._trace.weight * (self.progress.real[kernel.OWED] - self._trace.given)
-        return Learned(q.reshape(len(self.model), -1))
+        return Learned(q.reshape(len(self.model), -1), visits=tried(self._visits, len(self.model)))

@@ -31,6 +31,9 @@ class Learned:
     """(E,) values of the arcs between landmarks; empty for learners without that level."""
     arc_visits: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     """(E,) how often each arc was travelled."""
+    visits: NDArray[np.uint32] | None = None
+    """(S, A) how often each action was tried, (S, 1) how often each state was left by a policy that is evaluated; None
+    from learners that do not count."""
 
 
 class Learner(Protocol):
@@ -104,6 +107,11 @@ def visits_of(alpha: float | str, rows: int) -> tuple[stepping.Visits | None, fl
     if schedule.constant is not None:
         return None, schedule.constant
     return stepping.Visits(np.zeros(rows, np.uint32), schedule.table()), 0.0
+
+
+def tried(visits: stepping.Visits | None, n_states: int) -> NDArray[np.uint32] | None:
+    """(S, A) how often each action was tried, where the learning rate of each action counts that; else None."""
+    return None if visits is None else visits.counts.reshape(n_states, -1).copy()
 
 
 def fresh_progress(episodes: int, seed: int) -> stepping.Progress:

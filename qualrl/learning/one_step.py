@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from qualrl.kernels import learning as kernel
 from qualrl.kernels import stepping
-from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world, rewired, visits_of
+from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world, rewired, tried, visits_of
 from qualrl.learning.levels_anew import same_landmarks, upper_anew
 from qualrl.learning.policy import policy_actions
 from qualrl.learning.rules import LearningRule
@@ -62,9 +62,10 @@ class OneStepLearner:
     def learned(self) -> Learned:
         """See Learner."""
         q = self._q.reshape(len(self.model), -1).copy()
+        visits = tried(self._visits, len(self.model))
         if self._upper is None:
-            return Learned(q)
-        return Learned(q, None, self._upper.arc_q.copy(), self._upper.arc_visits.copy())
+            return Learned(q, visits=visits)
+        return Learned(q, None, self._upper.arc_q.copy(), self._upper.arc_visits.copy(), visits)
 
 
 def _upper(model: HybridMDP, settings: LearnSettings) -> kernel.Upper:

@@ -85,6 +85,7 @@ def train_online(
     return LearningRun(
         model, algorithm, seed, settings, progress.steps, progress.returns, learned.q, np.empty(0),
         np.empty(0, np.int64), time.perf_counter() - begun, learned.shifted_q, growth=explorer.growth(),
+        visits=learned.visits,
     )  # fmt: skip
 
 

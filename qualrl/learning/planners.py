@@ -97,7 +97,8 @@ class PlanningLearner:
         shifted = self._q.reshape(len(self.model), -1).copy()
         q = shifted - self._shift
         q[_terminal(self.model)] = 0.0
-        return Learned(q, shifted if self._levels is not None else None)
+        visits = self._seen.tries.reshape(len(self.model), -1).copy()
+        return Learned(q, shifted if self._levels is not None else None, visits=visits)
 
 
 def experience(model: HybridMDP, world: KernelWorld, shift: float) -> Experience:

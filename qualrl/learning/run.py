@@ -51,6 +51,11 @@ class LearningRun:
     """What changed in the world meanwhile; ``model`` is the world at the end."""
     growth: Growth | None = None
     """How the map became known, for a robot that did not know it; ``arc_q`` and ``arc_visits`` are empty then."""
+    visits: NDArray[np.uint32] | None = None
+    """(S, A) how often each action was tried, from learners that plan or whose learning rate is a formula; else None.
+
+    (S, 1) how often each state was left, for a learner that evaluates a policy.
+    """
 
     @cached_property
     def recovery(self) -> "tuple[Recovery, ...]":

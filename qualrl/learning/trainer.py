@@ -119,6 +119,7 @@ def train(
     return LearningRun(
         events[-1].changed if events else model, algorithm, seed, settings, progress.steps, progress.returns,
         learned.q, learned.arc_q, learned.arc_visits, time.perf_counter() - begun, learned.shifted_q, events,
+        visits=learned.visits,
     )  # fmt: skip
 
 

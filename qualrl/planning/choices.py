@@ -40,14 +40,28 @@ class Chooser:
     def at(self, state: int, taken: Doorway) -> list[Choice]:
         """The doors of a state's region that lead on to the goal without coming back, and the one taken; best first."""
         region = int(self.model.region_of[state])
-        onward = self._regions_of_the_goal_without(region)
-        doors = [(door, beyond) for door, beyond in self._doors[region] if beyond in onward or door is taken]
-        room = _Room(self.model, self._states[region])
-        found = [
-            Choice(door, beyond, room.value_through(self._cells_beyond(door, beyond), state, self.values))
-            for door, beyond in doors
-        ]
+        doors = self._onward(region, taken)
+        at = int(np.searchsorted(self.states[region], state))
+        through = self._values_through(region, doors)
+        found = [Choice(door, beyond, float(values[at])) for (door, beyond), values in zip(doors, through, strict=True)]
         return sorted(found, key=lambda choice: -choice.shifted)
+
+    def throughout(self, region: int) -> tuple[list[Doorway], NDArray[np.float64]]:
+        """The D doors of a region that lead on to the goal without coming back, and (D, n) what each is worth.
+
+        Shifted values of the region's n states; 0 where a door cannot be reached inside the region.
+        """
+        doors = self._onward(region)
+        values = self._values_through(region, doors)
+        return [door for door, _ in doors], np.array(values).reshape(len(doors), len(self.states[region]))
+
+    def _onward(self, region: int, taken: Doorway | None = None) -> list[tuple[Doorway, int]]:
+        onward = self._regions_of_the_goal_without(region)
+        return [(door, beyond) for door, beyond in self._doors[region] if beyond in onward or door is taken]
+
+    def _values_through(self, region: int, doors: Sequence[tuple[Doorway, int]]) -> list[NDArray[np.float64]]:
+        room = _Room(self.model, self.states[region])
+        return [room.values_through(self._cells_beyond(door, beyond), self.values) for door, beyond in doors]
 
     @cached_property
     def _doors(self) -> list[list[tuple[Doorway, int]]]:
@@ -59,7 +73,7 @@ class Chooser:
         return doors
 
     @cached_property
-    def _states(self) -> list[NDArray[np.int64]]:
+    def states(self) -> list[NDArray[np.int64]]:
         """States of each region, in rising order."""
         order = np.argsort(self.model.region_of, kind="stable")
         return np.split(order, np.cumsum([region.cells for region in self.regions.regions])[:-1])
@@ -96,8 +110,8 @@ class _Room:
         shut = (inside[position] != target) | (target == self.world.goal)
         self.successor = np.where(shut, own, position).astype(np.uint32)
 
-    def value_through(self, beyond: Sequence[int], state: int, values: PlanValues) -> float:
-        """Shifted value of a state when the only way out leads to the states ``beyond``."""
+    def values_through(self, beyond: Sequence[int], values: PlanValues) -> NDArray[np.float64]:
+        """(n,) shifted values when the only way out leads to the states ``beyond``."""
         n, world = len(self.inside), self.world
         successor = np.concatenate([self.successor, np.tile(np.arange(n, n + len(beyond)), (world.n_actions, 1)).T])
         successor = successor.astype(np.uint32)
@@ -115,4 +129,4 @@ class _Room:
             successor, order, steps[order], world.move_reward + values.shift * (1 - world.gamma), -1, 0.0,
             world.gamma, world.slip, value,
         )  # fmt: skip
-        return float(value[np.searchsorted(self.inside, state)])
+        return value[:n]

@@ -10,13 +10,13 @@ from qualrl.learning.run import LearningRun
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.choices import Choice, Chooser
+from qualrl.planning.crossings import door_taken
 from qualrl.planning.legs import Leg, legs_of
 from qualrl.planning.plan import Plan, Step
 from qualrl.planning.values import PlanValues, exact_plan_values, learned_plan_values
-from qualrl.qualitative.graph import crossings_of
 from qualrl.solving.exact import ExactValues, crossings_to_goal, exact_values
 from qualrl.solving.policy import ActionValues, greedy_walk
-from qualrl.spatial.region_map import Doorway, RegionMap
+from qualrl.spatial.region_map import Doorway
 
 
 def plan_exactly(
@@ -47,10 +47,16 @@ def exact_walk(model: HybridMDP, solved: ExactValues, start: int) -> list[int]:
     return walk
 
 
-def _values_ahead(world: GridWorld, solved: ExactValues) -> ActionValues:
-    """Where moves mostly slip, aiming at a cell is not the way to get there: walk up the values instead."""
+def climb_values(world: GridWorld, solved: ExactValues) -> NDArray[np.float64]:
+    """(S,) what to walk up where moves mostly slip, and aiming at a cell is not the way to get there."""
     ahead = solved.shifted.copy()
     ahead[world.goal] = 1 + 2 * np.abs(ahead).max()
+    return ahead
+
+
+def _values_ahead(world: GridWorld, solved: ExactValues) -> ActionValues:
+    """Each move worth what the cell ahead is."""
+    ahead = climb_values(world, solved)
 
     def values(state: int) -> NDArray[np.float64]:
         found: NDArray[np.float64] = ahead[world.successor[state]]
@@ -137,23 +143,10 @@ def _step(
     to = model.region_names[following.region]
     if chooser is None:
         return _step_without_map(model, walk[leg.first], place, to, len(part) - 1, values)
-    door = door_taken(model, chooser.regions, leg.region, following.region, walk[end - 1], walk[end])
+    door = door_taken(model, chooser.regions, walk[end - 1], walk[end])
     return _step_through(
         model, place, door, following.region, chooser.at(walk[leg.first], door), len(part) - 1, far_m, values
     )
-
-
-def door_taken(model: HybridMDP, regions: RegionMap, here: int, there: int, last: int, first: int) -> Doorway:
-    """The doorway between two regions that a crossing lies nearest to (on a diagonal move it may lie beside it)."""
-    pair = (min(here, there), max(here, there))
-    middle = (model.grid.cells[last] + model.grid.cells[first]) / 2
-    doors = [door for door in regions.doorways if door.pair == pair]
-
-    def distance(door: Doorway) -> float:
-        ends = np.array(crossings_of(regions, door)).mean(axis=1)
-        return float(np.abs(ends - middle).sum(axis=1).min())
-
-    return min(doors, key=distance)
 
 
 def _step_through(

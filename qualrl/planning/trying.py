@@ -13,7 +13,8 @@ import numpy as np
 
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
-from qualrl.planning.planner import door_taken, exact_walk
+from qualrl.planning.crossings import door_taken
+from qualrl.planning.planner import exact_walk
 from qualrl.planning.ways import course
 from qualrl.qualitative.break_even import BreakEven
 from qualrl.qualitative.plan_value import Chance, Contrast, contrast
@@ -102,8 +103,7 @@ def _first_closed(before: HybridMDP, after: HybridMDP, walk: Sequence[int]) -> t
     successor = after.grid.successor
     for at, (here, there) in enumerate(pairwise(walk)):
         if there not in successor[here]:
-            pair = int(before.region_of[here]), int(before.region_of[there])
-            return at, door_taken(before, before.regions, *pair, here, there).name
+            return at, door_taken(before, before.regions, here, there).name
     return None
 
 

@@ -2,14 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import groupby, pairwise
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from qualrl.models.hybrid_mdp import HybridMDP
-from qualrl.planning.legs import Leg, legs_of
-from qualrl.planning.planner import door_taken, length_m
+from qualrl.planning.crossings import door_taken
+from qualrl.planning.legs import legs_of
+from qualrl.planning.planner import length_m
 from qualrl.qualitative.plan_value import Course, course_of
 
 
@@ -39,19 +40,15 @@ class Way:
 
 def way_of(model: HybridMDP, parts: Sequence[Sequence[int]], value: float) -> Way:
     """A way in one or more parts; where one begins, its place is told however briefly it is visited."""
-    places, doors = list[str](), list[str]()
+    regions, places, doors = model.regions, list[str](), list[str]()
+    assert regions is not None
     for part in parts:
         legs = legs_of(model, part)
         places += [model.region_names[leg.region] for leg in legs]
-        doors += [_door(model, part, here, there) for here, there in pairwise(legs)]
+        doors += [door_taken(model, regions, part[leg.first - 1], part[leg.first]).name for leg in legs[1:]]
     far_m = sum(length_m(model, part) or 0.0 for part in parts)
     told = tuple(place for place, _ in groupby(places))
     return Way(told, tuple(doors), sum(len(part) - 1 for part in parts), far_m, value)
-
-
-def _door(model: HybridMDP, walk: Sequence[int], here: Leg, there: Leg) -> str:
-    assert model.regions is not None
-    return door_taken(model, model.regions, here.region, there.region, walk[there.first - 1], walk[there.first]).name
 
 
 def course(model: HybridMDP, walk: Sequence[int]) -> Course:

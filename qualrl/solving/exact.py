@@ -148,6 +148,21 @@ def crossings_to_goal(world: GridWorld, exact: ExactValues, region_of: NDArray[n
     return crossings
 
 
+def all_action_values(world: World, shifted: NDArray[np.float64], shift: float) -> NDArray[np.float64]:
+    """(S, A) shifted Q values of all states, by one backup of shifted state values; of terminal ones they mean nothing.
+
+    They may differ in the last digit from ``action_values``, which adds up in another order.
+    """
+    if isinstance(world, TabularMDP):
+        worth = world.reward + shift * (1 - world.gamma) + world.gamma * shifted[world.target]
+        return np.add.reduceat(world.probability * worth, world.row_start[:-1]).reshape(len(world), -1)
+    worth = world.move_reward + shift * (1 - world.gamma) + world.gamma * shifted[world.successor]
+    worth[world.successor == world.goal] = world.goal_reward + shift
+    other = world.slip / (world.n_actions - 1)
+    found: NDArray[np.float64] = (1 - world.slip - other) * worth + other * worth.sum(axis=1, keepdims=True)
+    return found
+
+
 def action_values(world: World, shifted: NDArray[np.float64], shift: float, state: int) -> NDArray[np.float64]:
     """(A,) shifted Q values of one state, by one backup of shifted state values."""
     q = np.empty(world.n_actions)

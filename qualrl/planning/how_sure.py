@@ -1,0 +1,243 @@
+"""How sure a learner may be: what it learned against exact values, and whether the order of its two best actions holds.
+
+S states, A actions.  Values are shifted (see ``kernels.bellman``), so errors keep their digits far from the goal too.
+
+The order of the two actions that the learner holds for best in a state, of which both were tried, is
+    wrong      when the one it holds for second is worth more, by exact values;
+    equal      when the two are worth the same (to a relative 1e-9), so that there is no order;
+    settled    when it is right, and the learned values differ by more than the errors of both together: then errors of
+               that size could not turn the order, whichever way they went;
+    unsettled  otherwise: it is right, or learned values are the same, but errors of that size could turn it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.learning.rules import FLAT, rule_named
+from qualrl.learning.run import LearningRun
+from qualrl.models.grid_world import GridWorld
+from qualrl.planning.legs import legs_of
+from qualrl.planning.values import PlanValues, learned_plan_values
+from qualrl.solving.exact import all_action_values
+from qualrl.solving.policy import greedy_walk
+
+ALIKE = 1e-9
+"""Values that differ by less than this share are the same."""
+ORDERS = ("settled", "unsettled", "wrong", "equal", "untried")
+SETTLED, UNSETTLED, WRONG, EQUAL, UNTRIED = range(5)
+
+
+@dataclass(frozen=True)
+class Sureness:
+    """Of some states from which the goal can be reached, where the episode is not over."""
+
+    name: str
+    states: int
+    visited: int
+    """How many of them were visited; all that follows is about those."""
+    fewest_visits: int | None
+    """Of a visited state; None from learners that do not count."""
+    mean_error: float | None
+    """Mean difference of learned and exact value; None where no state was visited."""
+    worst_error: float | None
+    optimal: int | None
+    """In how many all actions that the learner holds for best are optimal (ties counted as right); None for a learner
+    that evaluates a policy, as are the five that follow.
+    """
+    settled: int | None
+    """In how many the order of the two best actions is settled; see above."""
+    unsettled: int | None
+    wrong: int | None
+    equal: int | None
+    untried: int | None
+    """In how many not both of them were ever tried."""
+
+    def in_words(self) -> str:
+        """As a line of the answer."""
+        if not self.visited:
+            return f"{self.name}: none of {self.states} states visited"
+        times = "" if self.fewest_visits is None else f", each at least {_times(self.fewest_visits)}"
+        parts = [
+            f"{self.name}: {self.visited} of {self.states} states visited{times}",
+            f"error {self.mean_error:.3g} on average, {self.worst_error:.3g} at most",
+        ]
+        if self.optimal is not None:
+            orders = ", ".join(
+                f"{getattr(self, order)} {words}"
+                for order, words in zip(
+                    ORDERS, ("settled", "not settled", "wrong", "equal", "not both tried"), strict=True
+                )
+                if getattr(self, order)
+            )
+            parts += [f"best action optimal in {self.optimal}", f"order of the two best: {orders}"]
+        return "; ".join(parts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+
+@dataclass(frozen=True)
+class HowSure:
+    """The answer."""
+
+    algorithm: str
+    seed: int
+    episodes: int
+    total_steps: int
+    gamma: float
+    limit: str
+    """What the learner's values tend to."""
+    start: str
+    learned: float
+    """Value of the start."""
+    exact: float
+    error: float
+    counts: bool
+    """Whether visits were counted; else states are told by their values, and one whose updates came to exactly 0 is
+    missed.
+    """
+    whole: Sureness
+    regions: tuple[Sureness, ...]
+    steps: tuple[Sureness, ...]
+    """Of the states that the learned plan passes, a part for each region on the way, in its order."""
+    arrives: bool
+    """Whether what was learned leads from the start to the goal."""
+
+    def explain(self) -> str:
+        """In words, a line a fact."""
+        lines = [
+            f"{self.algorithm}, {self.episodes} episodes with seed {self.seed}, {self.total_steps:,} steps, "
+            f"beside exact values at gamma {self.gamma:g}.",
+            f"Worth of {self.start}: {self.learned:.6g} learned, {self.exact:.6g} exact, error {self.error:.3g}.",
+            *(part.in_words() for part in (self.whole, *self.regions)),
+        ]
+        if self.steps:
+            lines.append(f"The learned way from {self.start}{'' if self.arrives else ', which does not arrive'}:")
+            lines += [f"{number}. {part.in_words()}" for number, part in enumerate(self.steps, 1)]
+        if self.whole.optimal is not None and self.whole.visited:
+            lines.append(
+                "An order is settled where the two learned values differ by more than both their errors together; "
+                "one that is not settled is not wrong, but errors of that size could turn it."
+            )
+        if not self.counts:
+            lines.append("Visits were not counted: a state counts as visited once one of its values was changed.")
+        if self.limit != FLAT:
+            lines.append(f"What its values tend to: {self.limit}.")
+        lines.append("This is one run: how far runs with other seeds would differ is not known from it.")
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON twin of ``explain``."""
+        return {
+            "question": "how-sure", "algorithm": self.algorithm, "seed": self.seed, "episodes": self.episodes,
+            "total_steps": self.total_steps, "gamma": self.gamma, "limit": self.limit, "from": self.start,
+            "learned": self.learned, "exact": self.exact, "error": self.error, "counts": self.counts,
+            "whole": self.whole.to_dict(), "regions": [part.to_dict() for part in self.regions],
+            "steps": [part.to_dict() for part in self.steps], "arrives": self.arrives,
+            "sentences": self.explain().splitlines(),
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """All states, judged one by one."""
+
+    visits: NDArray[np.int64] | None
+    """(S,)"""
+    visited: NDArray[np.bool_]
+    """(S,)"""
+    error: NDArray[np.float64]
+    """(S,)"""
+    optimal: NDArray[np.bool_] | None
+    """(S,) whether all actions held for best are."""
+    order: NDArray[np.int64] | None
+    """(S,) index into ORDERS."""
+
+    def part(self, name: str, states: NDArray[np.int64]) -> Sureness:
+        """What holds of some states."""
+        seen = states[self.visited[states]]
+        error = self.error[seen]
+        fewest = int(self.visits[seen].min()) if self.visits is not None and len(seen) else None
+        optimal = orders = None
+        if self.optimal is not None and self.order is not None:
+            optimal = int(self.optimal[seen].sum())
+            orders = np.bincount(self.order[seen], minlength=len(ORDERS)).tolist()
+        return Sureness(
+            name, len(states), len(seen), fewest, float(error.mean()) if len(seen) else None,
+            float(error.max()) if len(seen) else None, optimal, *(orders or [None] * len(ORDERS)),
+        )  # fmt: skip
+
+
+def how_sure(run: LearningRun, start: int, name: str) -> HowSure:
+    """Compare what was learned with exact values, and ask how firm the learner's choices are.  name: of the start.
+
+    Raises NoPlanError where no way leads from the start to the goal.
+    """
+    model = run.model
+    model.check_reachable(start)
+    judged, learned = _judged(run)
+    world = model.world
+    over = np.arange(len(model)) == world.goal if isinstance(world, GridWorld) else world.terminal
+    states = np.flatnonzero(model.can_reach & ~over)
+    by_region = [(region, states[model.region_of[states] == index]) for index, region in enumerate(model.region_names)]
+    walk, arrives = greedy_walk(world, learned.actions, start) if run.chooses else ([start], False)
+    steps = []
+    for leg in legs_of(model, walk) if run.chooses else []:
+        passed = np.array(walk[leg.first : leg.last + 1])
+        steps.append((model.region_names[leg.region], np.unique(passed[~over[passed]])))
+    return HowSure(
+        run.algorithm, run.seed, len(run.steps), run.total_steps, model.gamma, rule_named(run.algorithm).limit, name,
+        float(run.q[start].max()), float(run.exact_values[start]), float(judged.error[start]), run.visits is not None,
+        judged.part("all regions", states), _parts(judged, by_region), _parts(judged, steps), arrives,
+    )  # fmt: skip
+
+
+def _parts(judged: _Judged, states_of: Sequence[tuple[str, NDArray[np.int64]]]) -> tuple[Sureness, ...]:
+    return tuple(judged.part(name, states) for name, states in states_of if len(states))
+
+
+def _judged(run: LearningRun) -> tuple[_Judged, PlanValues]:
+    learned = learned_plan_values(run)
+    q = run.q if run.shifted_q is None else run.shifted_q
+    tried = np.asarray(np.isfinite(q) & (q != 0) if run.visits is None else run.visits > 0)
+    visits = None if run.visits is None else run.visits.sum(axis=1, dtype=np.int64)
+    visited: NDArray[np.bool_] = np.logical_or.reduce(tried, axis=1)
+    if not run.chooses:
+        return _Judged(visits, visited, np.abs(run.q[:, 0] - run.exact_values), None, None), learned
+    held = run.q + run.exact.shift if run.shifted_q is None else run.shifted_q
+    exact = all_action_values(run.model.world, run.exact.shifted, run.exact.shift)
+    error = np.abs(learned.shifted - run.exact.shifted)
+    return _Judged(visits, visited, error, _optimal(held, exact), _order(held, exact, tried)), learned
+
+
+def _optimal(held: NDArray[np.float64], exact: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(S,) whether all actions of the largest learned value (S, A) have the largest exact one."""
+    best, most = held.max(axis=1, keepdims=True), exact.max(axis=1, keepdims=True)
+    right: NDArray[np.bool_] = ((held < best) | (exact >= most - ALIKE * np.abs(most))).all(axis=1)
+    return right
+
+
+def _order(held: NDArray[np.float64], exact: NDArray[np.float64], tried: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(S,) how firm the order of the two best actions by learned values (S, A) is: an index into ORDERS."""
+    if held.shape[1] < 2:
+        return np.full(len(held), UNTRIED)
+    two = np.argsort(-held, axis=1, kind="stable")[:, :2]
+    first, second = np.take_along_axis(held, two, axis=1).T
+    worth, other = np.take_along_axis(exact, two, axis=1).T
+    with np.errstate(invalid="ignore"):  # actions that are never taken are worth -inf
+        errors = np.abs(first - worth) + np.abs(second - other)
+        order = np.where(first - second > errors, SETTLED, UNSETTLED)
+    alike = np.abs(worth - other) <= ALIKE * np.maximum(np.abs(worth), np.abs(other))
+    order[(worth < other) & (first > second)] = WRONG
+    order[alike] = EQUAL
+    order[~np.take_along_axis(tried, two, axis=1).all(axis=1)] = UNTRIED
+    return order
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"

@@ -1,0 +1,121 @@
+"""Questions to a model's best plan, one function a question; each answer has ``explain`` and ``to_dict``."""
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+from qualrl.api import PlaceLike, check_type, goal_name, start_of
+from qualrl.errors import SettingError
+from qualrl.models.hybrid_mdp import HybridMDP
+
+if TYPE_CHECKING:
+    from qualrl.planning.reconcile import Reconciled
+    from qualrl.planning.summary import Summary
+    from qualrl.planning.what_if import WhatIf
+    from qualrl.planning.which_matters import WhichMatters
+    from qualrl.planning.why_not import WhyNot
+
+
+def why_not(model: HybridMDP, via: str | Sequence[str], start: PlaceLike | None = None) -> "WhyNot":
+    """Why the plan does not go by a place (or several, in an order): what that costs, and for which gamma it would win.
+
+    via: names of regions, doorways or landmarks.  Raises NoPlanError when no way leads by them, UnknownNameError.
+    """
+    from qualrl.planning import why_not as answers
+
+    check_type("why_not", model, HybridMDP, "a HybridMDP, from qualrl.build")
+    if model.regions is None:
+        raise SettingError("a model without a map has no places to go by")
+    state, name = start_of(model, start)
+    return answers.why_not(model, state, (name, goal_name(model)), [via] if isinstance(via, str) else list(via))
+
+
+def what_if(
+    model: HybridMDP,
+    start: PlaceLike | None = None,
+    *,
+    close: str | Iterable[str] = (),
+    open: tuple[str, str] | None = None,  # noqa: A002: what it is called on a door
+    chance: float | None = None,
+    **numbers: float,
+) -> "WhatIf":
+    """What a change does to the plan: its way and value before and after, and where the change begins to matter.
+
+    close: names of doorways, or of regions for all of their doorways; chance: the probability that they are open after
+    all.  open: two regions, to open the thinnest wall between them.  numbers: gamma, slip, directions, step_reward,
+    goal_reward.  Raises UnknownNameError, SettingError, and NoPlanError where no way leads to the goal as it is.
+    """
+    from qualrl.planning import changed_model
+
+    check_type("what_if", model, HybridMDP, "a HybridMDP, from qualrl.build")
+    changed = changed_model.with_numbers(model, **numbers) if numbers else model
+    told = tuple(f"{name} {number:g}" for name, number in numbers.items())
+    return compared(model, changed, start, told, close=close, open=open, chance=chance)
+
+
+def compared(
+    model: HybridMDP,
+    changed: HybridMDP,
+    start: PlaceLike | None,
+    told: tuple[str, ...],
+    *,
+    close: str | Iterable[str] = (),
+    open: tuple[str, str] | None = None,
+    chance: float | None = None,
+) -> "WhatIf":
+    """``what_if`` of a model and one that is changed already, as the words ``told`` say; close and open change more."""
+    from qualrl.planning import changed_model
+    from qualrl.planning import what_if as answers
+
+    if model.regions is None or changed.regions is None:
+        raise SettingError("a model without a map has nothing to close or open")
+    state, name = start_of(model, start)
+    after = start_of(changed, start)[0]
+    doors = changed_model.doors_named(changed.regions, [close] if isinstance(close, str) else close)
+    if chance is not None and not (0 <= chance <= 1 and doors and model.grid.slip == 0):
+        raise SettingError(f"chance {chance} must be from 0 to 1, of doorways to close, where moves do not slip")
+    if doors:
+        changed, told = changed.with_closed(doors), (*told, f"{', '.join(doors)} closed")
+    if open is not None:
+        changed, after, opened = changed_model.with_opened(changed, open, after)
+        told = (*told, opened)
+    return answers.what_if(model, changed, (state, after), (name, goal_name(model)), told, chance)
+
+
+def reconcile(model: HybridMDP, expected: Sequence[str], start: PlaceLike | None = None) -> "Reconciled":
+    """The smallest change of the map (doorways closed, walls opened) under which an expected plan would be best.
+
+    expected: the regions it passes, in their order, from the start's to the goal's.
+    Raises UnknownNameError, SettingError, and NoPlanError where nothing would do.
+    """
+    from qualrl.planning import reconcile as answers
+
+    check_type("reconcile", model, HybridMDP, "a HybridMDP, from qualrl.build")
+    if model.regions is None:
+        raise SettingError("a model without a map has nothing to close or open")
+    if not expected:
+        raise SettingError("say which regions the plan is expected to pass")
+    state, name = start_of(model, start)
+    return answers.reconcile(model, state, (name, goal_name(model)), expected)
+
+
+def which_matters(model: HybridMDP, start: PlaceLike | None = None) -> "WhichMatters":
+    """Which doorways and regions the plan hangs on: what is lost without each, and the fewest that cut the goal off.
+
+    Raises NoPlanError when no way leads to the goal, and SettingError for a model without a map.
+    """
+    from qualrl.planning import which_matters as answers
+
+    check_type("which_matters", model, HybridMDP, "a HybridMDP, from qualrl.build")
+    state, name = start_of(model, start)
+    return answers.which_matters(model, state, (name, goal_name(model)))
+
+
+def summary(model: HybridMDP) -> "Summary":
+    """The best policy in brief: the doorway to leave each region by, exceptions, and where the choice matters most.
+
+    Raises SettingError for a model without a map.
+    """
+    from qualrl.planning import summary as answers
+
+    check_type("summary", model, HybridMDP, "a HybridMDP, from qualrl.build")
+    return answers.summary(model, goal_name(model))
