@@ -1,0 +1,98 @@
+"""The best way from a state that leaves its region by a given doorway.
+
+S states, A actions.  All other doorways of the region are shut until it is left (paper, equation (10)); what lies beyond
+the doorway is worth what it is worth in the whole world.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.errors import NoPlanError
+from qualrl.kernels.bellman import grid_backup
+from qualrl.kernels.grid import breadth_first
+from qualrl.models.grid_world import GridWorld
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.planning.planner import exact_walk
+from qualrl.qualitative.graph import crossings_of
+from qualrl.solving.exact import ExactValues, settle_outward
+from qualrl.spatial.region_map import Doorway
+
+
+@dataclass(frozen=True, eq=False)
+class ThroughWay:
+    """A way through a doorway, as it goes when no move slips, and what it is worth when some do."""
+
+    parts: tuple[tuple[int, ...], ...]
+    """States up to the first one beyond the doorway, and from there to the goal."""
+    value: float
+    world: GridWorld
+    """With the region's other doorways shut."""
+    shifted: NDArray[np.float64]
+    """(S,) shifted values in the region and just beyond the doorway; -inf elsewhere."""
+
+    @property
+    def walk(self) -> tuple[int, ...]:
+        """All states, from the start to the goal."""
+        return self.parts[0] + self.parts[1][1:]
+
+
+def way_through(model: HybridMDP, exact: ExactValues, start: int, door: Doorway) -> ThroughWay:
+    """The best way from a state, which leaves its region by a doorway of it.  Raises NoPlanError where none does."""
+    regions = model.regions
+    assert regions is not None
+    region = int(model.region_of[start])
+    others = [of for of in regions.doorways if region in of.pair and of.name != door.name]
+    walls = [wall for of in others for wall in crossings_of(regions, of)]
+    world = replace(model.grid, closed=(*model.grid.closed, *walls))
+    side = 1 - door.pair.index(region)
+    beyond = np.array(sorted({int(world.state_of[ends[side]]) for ends in crossings_of(regions, door)}))
+    beyond = beyond[np.isfinite(exact.shifted[beyond]) & (world.steps_to_goal[beyond] >= 0)]
+    if not len(beyond):
+        raise NoPlanError(f"no way leads on to the goal through {door.name}")
+    shifted = _values_inside(model, world, region, beyond, exact)
+    if not np.isfinite(shifted[start]):
+        raise NoPlanError(f"{door.name} cannot be reached from {model.describe(start)} inside its region")
+    first = _walk_out(world, shifted, exact.shift, start, region, model.region_of)
+    rest = [first[-1]] if first[-1] == world.goal else exact_walk(model, exact, first[-1])
+    return ThroughWay((tuple(first), tuple(rest)), float(shifted[start] - exact.shift), world, shifted)
+
+
+def _values_inside(
+    model: HybridMDP, world: GridWorld, region: int, beyond: NDArray[np.int64], exact: ExactValues
+) -> NDArray[np.float64]:
+    order, steps = breadth_first(world.successor, beyond)
+    inside = order[model.region_of[order] == region]
+    shifted = np.full(len(world), -np.inf)
+    shifted[beyond] = exact.shifted[beyond]
+    shifted[inside] = 0.0
+    settle_outward(
+        world.successor, inside, steps[inside], world.move_reward + exact.shift * (1 - world.gamma), world.goal,
+        world.goal_reward + exact.shift, world.gamma, world.slip, shifted,
+    )  # fmt: skip
+    return shifted
+
+
+def best_moves(world: GridWorld, shifted: NDArray[np.float64], shift: float, state: int) -> NDArray[np.bool_]:
+    """(A,) which moves are best at a state, by shifted values, to a relative 1e-12."""
+    q = np.empty(world.n_actions)
+    reward = world.move_reward + shift * (1 - world.gamma)
+    grid_backup(
+        world.successor, reward, world.goal, world.goal_reward + shift, world.gamma, world.slip, shifted, state, q
+    )
+    return np.asarray(q >= q.max() - 1e-12 * abs(q.max()))
+
+
+def _walk_out(
+    world: GridWorld, shifted: NDArray[np.float64], shift: float, start: int, region: int, region_of: NDArray[np.int32]
+) -> list[int]:
+    """States from a start to the first one outside its region, up the values; straight on where that is as good."""
+    walk, last = [start], 0
+    while region_of[walk[-1]] == region:
+        good = best_moves(world, shifted, shift, walk[-1])
+        last = last if good[last] else int(good.argmax())
+        walk.append(int(world.successor[walk[-1], last]))
+        if len(walk) > len(world):
+            raise NoPlanError(f"gamma {world.gamma} fades to nothing on the way; choose gamma nearer to 1")
+    return walk
