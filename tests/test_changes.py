@@ -20,7 +20,8 @@ from qualrl.learning.settings import LearnSettings
 from qualrl.learning.trainer import start_learner, train
 from qualrl.models.grid_world import GridWorld
 from qualrl.spatial.segmentation import segment
-from tests.test_commands import draw, qualrl
+from tests.command_here import qualrl
+from tests.test_commands import draw
 from tests.worlds import free_masks, grid_of
 
 TWO_WAYS = """

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import yaml
 
+from tests import command_here
 from tests.worlds import PUZZLE, TWO_ROOMS
 
 ROOT = Path(__file__).parent.parent
@@ -168,7 +169,7 @@ def test_a_route_that_cannot_be_is_refused_in_one_line(here):
         (("--from", "room A", "--to", "99,99"), "99"),
         (("--from", "room A", "--to", "room B", "--robot-radius", "40"), "--robot-radius"),
     ):
-        out, err = qualrl("route", "rooms.yaml", *asked, cwd=here, expect=2)
+        out, err = command_here.qualrl("route", "rooms.yaml", *asked, cwd=here, expect=2)
         assert out == ""
         assert told in err
         assert len(err.splitlines()) == 1
@@ -270,7 +271,7 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(here, expected):
     (here / "empty.yaml").write_text("")
     cv2.imwrite(str(here / "black.png"), np.zeros((5, 5), np.uint8))
     before = sorted(os.listdir(here))
-    out, err = qualrl(*WRONG[expected], cwd=here, expect=2)
+    out, err = command_here.qualrl(*WRONG[expected], cwd=here, expect=2)
     assert out == ""
     assert expected in err
     assert err.count("\n") == 1

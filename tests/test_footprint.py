@@ -3,8 +3,6 @@
 import dataclasses
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +23,7 @@ from qualrl.spatial.footprint import clearance
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.place import PlaceCell, PlaceName, resolve_cell
 from qualrl.spatial.region_map import Shape
+from tests import command_here
 from tests.room_grids import room_grid
 from tests.test_segmentation import check, two_rooms
 
@@ -40,12 +39,6 @@ def textbook_clearance(free: np.ndarray) -> np.ndarray:
         beyond = np.maximum(np.abs(blocked - cell) - 0.5, 0)
         found[tuple(cell)] = np.sqrt((beyond**2).sum(axis=1)).min()
     return found
-
-
-def run(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """The command, run there."""
-    command = [sys.executable, str(ROOT / "cli.py"), *words]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
 def flat(shape: Shape | None) -> list[float]:
@@ -273,22 +266,20 @@ def test_what_is_gone_is_told_as_too_small(tmp_path: Path) -> None:
 def test_a_radius_that_cannot_be_is_one_line_with_its_place(tmp_path: Path, value: str, message: str) -> None:
     office = json.dumps(str(ROOT / "maps" / "office.yaml"))
     (tmp_path / "s.yaml").write_text(f"map: {office}\ngoal: room C\nradius_m: {value}\n")
-    done = run("show", "s.yaml", folder=tmp_path)
-    assert done.returncode == 2
-    assert re.fullmatch(f"qualrl: {message}\n", done.stderr)
+    _, err = command_here.qualrl("show", "s.yaml", cwd=tmp_path, expect=2)
+    assert re.fullmatch(f"qualrl: {message}\n", err)
 
 
 @pytest.mark.parametrize("source", ["office", "map"])
 def test_show_takes_the_radius(tmp_path: Path, source: str) -> None:
     name = "office" if source == "office" else str(ROOT / "maps" / "office.yaml")
-    shown = json.loads(run("show", name, "--robot-radius", "0.45", "--json", folder=tmp_path).stdout)
+    shown = json.loads(command_here.qualrl("show", name, "--robot-radius", "0.45", "--json", cwd=tmp_path)[0])
     assert shown["map"]["radius_m"] == 0.45
     assert shown["map"]["lost"] == [f"door {number}" for number in range(1, 11)]
     assert shown["doorways"] == []
-    done = run("show", name, "--robot-radius", "-1", folder=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.startswith("qualrl: --robot-radius: ")
-    assert done.stderr.count("\n") == 1
+    _, err = command_here.qualrl("show", name, "--robot-radius", "-1", cwd=tmp_path, expect=2)
+    assert err.startswith("qualrl: --robot-radius: ")
+    assert err.count("\n") == 1
 
 
 def test_the_widest_place_that_a_message_names_is_wide_enough() -> None:

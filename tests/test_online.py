@@ -23,8 +23,9 @@ from qualrl.models.landmarks import landmark_level
 from qualrl.spatial.growing import KeptNames
 from qualrl.spatial.segmentation import segment
 from qualrl.spatial.sensing import KnownMap
+from tests.command_here import qualrl
 from tests.learning_worlds import from_python
-from tests.test_commands import draw, qualrl
+from tests.test_commands import draw
 from tests.worlds import grid_of
 
 FIVE_ROOMS = """

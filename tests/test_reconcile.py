@@ -13,8 +13,8 @@ import qualrl
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError
 from qualrl.planning import reconcile as questions
 from qualrl.planning.ways import course
+from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
-from tests.test_commands import qualrl as qualrl_command
 from tests.test_planning import LOOP
 from tests.worlds import grid_of
 

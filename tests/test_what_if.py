@@ -20,8 +20,8 @@ from qualrl.qualitative.plan_value import Chance, Course, Stretch, contrast
 from qualrl.solving.exact import exact_values
 from qualrl.spatial.passage import thinnest_passages, with_passage
 from tests.certificates import check_signs
+from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
-from tests.test_commands import qualrl as qualrl_command
 from tests.test_planning import LOOP
 from tests.test_why_not import COURSES
 from tests.worlds import TWO_ROOMS, free_masks, grid_of

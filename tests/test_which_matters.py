@@ -12,13 +12,19 @@ from hypothesis import strategies as st
 import qualrl
 from qualrl.errors import NoPlanError, SettingError
 from qualrl.models.tabular_mdp import TabularMDP
+from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
-from tests.test_commands import qualrl as qualrl_command
 from tests.test_planning import LOOP
 from tests.worlds import grid_of
 
-REGIONS = qualrl.segment(grid_of(LOOP))
-CELLS = [tuple(cell) for cell in np.argwhere(REGIONS.grid.free).tolist()]
+GRID = grid_of(LOOP)
+CELLS = [tuple(cell) for cell in np.argwhere(GRID.free).tolist()]
+
+
+@pytest.fixture(scope="module")
+def regions():
+    """Found when a test runs, not when it is collected: that would compile in every worker."""
+    return qualrl.segment(GRID)
 
 
 def value_of(model, start):
@@ -29,15 +35,15 @@ def value_of(model, start):
     return -(1 - gamma ** (steps - 1)) / (1 - gamma) + 100 * gamma ** (steps - 1)
 
 
-def by_hand(model):
+def by_hand(model, regions):
     """(name, kind) -> loss, of everything whose closing loses something."""
     now, found = value_of(model, model.start), {}
     ends = {model.region_names[model.region_of[state]] for state in (model.start, model.grid.goal)}
-    for door in REGIONS.doorways:
+    for door in regions.doorways:
         found[door.name, "doorway"] = value_of(model.with_closed([door.name]), model.start)
     for index, name in enumerate(model.region_names):
         if name not in ends:
-            doors = [door.name for door in REGIONS.doorways if index in door.pair]
+            doors = [door.name for door in regions.doorways if index in door.pair]
             found[name, "region"] = value_of(model.with_closed(doors), model.start)
     lost = {key: None if value is None else now - value for key, value in found.items()}
     return {key: loss for key, loss in lost.items() if loss is None or loss > 1e-9}
@@ -45,11 +51,11 @@ def by_hand(model):
 
 @settings(deadline=None, max_examples=25)
 @given(st.sampled_from(CELLS), st.sampled_from(CELLS))
-def test_losses_are_those_of_closing_each_by_hand(start, goal):
+def test_losses_are_those_of_closing_each_by_hand(regions, start, goal):
     assume(start != goal)
-    model = qualrl.build(REGIONS, list(goal), start=list(start), gamma=0.97)
+    model = qualrl.build(regions, list(goal), start=list(start), gamma=0.97)
     answer = qualrl.questions.which_matters(model)
-    expected = by_hand(model)
+    expected = by_hand(model, regions)
     assert {(loss.name, loss.kind) for loss in answer.losses} == set(expected)
     for loss in answer.losses:
         assert loss.loss == (
@@ -61,9 +67,9 @@ def test_losses_are_those_of_closing_each_by_hand(start, goal):
 
 @settings(deadline=None, max_examples=25)
 @given(st.sampled_from(CELLS), st.sampled_from(CELLS))
-def test_the_cut_parts_start_and_goal_and_no_smaller_one_does(start, goal):
+def test_the_cut_parts_start_and_goal_and_no_smaller_one_does(regions, start, goal):
     assume(start != goal)
-    model = qualrl.build(REGIONS, list(goal), start=list(start))
+    model = qualrl.build(regions, list(goal), start=list(start))
     cut = qualrl.questions.which_matters(model).cut
     ends = [int(model.region_of[state]) for state in (model.start, model.grid.goal)]
     if ends[0] == ends[1]:
@@ -71,23 +77,23 @@ def test_the_cut_parts_start_and_goal_and_no_smaller_one_does(start, goal):
         return
 
     def parts(closed):
-        graph = nx.Graph(door.pair for door in REGIONS.doorways if door.name not in closed)
+        graph = nx.Graph(door.pair for door in regions.doorways if door.name not in closed)
         graph.add_nodes_from(ends)
         return not nx.has_path(graph, *ends)
 
     assert parts(cut)
-    smaller = combinations([door.name for door in REGIONS.doorways], len(cut) - 1)
+    smaller = combinations([door.name for door in regions.doorways], len(cut) - 1)
     assert not any(parts(closed) for closed in smaller)
     assert model.with_closed(cut).grid.steps_to_goal[model.start] < 0
 
 
 @pytest.mark.parametrize(("slip", "directions"), [(0.2, 4), (0.0, 8), (0.1, 8)])
-def test_slips_and_diagonals_are_reckoned_with(slip, directions):
-    model = qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=0.95, slip=slip, directions=directions)
+def test_slips_and_diagonals_are_reckoned_with(regions, slip, directions):
+    model = qualrl.build(regions, [2, 24], start=[2, 2], gamma=0.95, slip=slip, directions=directions)
     now = qualrl.plan(model).value
     answer = qualrl.questions.which_matters(model)
     told = {loss.name: loss.loss for loss in answer.losses if loss.kind == "doorway"}
-    for door in REGIONS.doorways:
+    for door in regions.doorways:
         try:
             left = qualrl.plan(model.with_closed([door.name])).value
         except NoPlanError:
@@ -113,8 +119,8 @@ def test_the_answer_says_what_its_fields_hold(tmp_path):
     assert any(loss["loss"] for loss in document["losses"])
 
 
-def test_in_one_room_nothing_matters():
-    model = qualrl.build(REGIONS, [2, 4], start=[2, 2])
+def test_in_one_room_nothing_matters(regions):
+    model = qualrl.build(regions, [2, 4], start=[2, 2])
     assert qualrl.questions.which_matters(model).explain().splitlines()[1:] == [
         "no single doorway or region matters",
         "Start and goal are in the same region, so no doorway parts them.",

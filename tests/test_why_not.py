@@ -18,8 +18,8 @@ from qualrl.planning.stops import states_at, way_by
 from qualrl.qualitative.plan_value import Course, Stretch, contrast, course_of
 from qualrl.solving.exact import exact_values
 from tests.certificates import check_signs
+from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
-from tests.test_commands import qualrl as qualrl_command
 from tests.test_planning import LOOP
 from tests.worlds import grid_of, part_around
 
