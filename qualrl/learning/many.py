@@ -15,7 +15,7 @@ from qualrl.learning.trainer import Milestone
 
 TELL_S = 0.05
 """So often it is told how many runs are done."""
-FIRST_LOOK_S = 0.005
+FIRST_LOOK_S = 0.002
 """After so long it is seen whether runs are worth more than one thread, and from then on whenever it is told."""
 WORTH_S = 0.0005
 """Runs of less CPU time are mostly Python, at which threads take turns: a second one would only be in the way."""
