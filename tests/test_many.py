@@ -3,6 +3,7 @@
 import gc
 import time
 import weakref
+from threading import get_ident
 
 import numpy as np
 import pytest
@@ -74,6 +75,17 @@ def test_ctrl_c_stops_the_others(puzzle):
     with pytest.raises(KeyboardInterrupt):
         over_threads(one, range(20), threads=2, told=told)
     assert time.monotonic() - begun < 10
+
+
+def test_only_runs_that_take_long_get_more_than_one_thread():
+    def one(seconds, _):
+        until = time.thread_time() + seconds
+        while time.thread_time() < until:
+            pass
+        return get_ident()
+
+    assert len(set(over_threads(one, [0.0] * 300, threads=2))) == 1
+    assert len(set(over_threads(one, [0.05] * 8, threads=2))) == 2
 
 
 def test_what_depends_on_the_model_is_made_once_and_goes_with_it():

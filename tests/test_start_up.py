@@ -30,6 +30,29 @@ made = numba.njit(lambda n: [np.full(k, k) for k in range(n)])
 print(sum(int(part.sum()) for part in made(4)))
 """
 
+OWN_LOOP = """
+import numpy as np
+from qualrl.kernels.jit import compiled
+
+@compiled
+def counted(n):
+    if n < 0:
+        raise ValueError("n is below 0")
+    return np.arange(n) + np.full(n, 2.0), n
+"""
+USED = """
+import sys, numpy as np
+sys.path.insert(0, {folder!r})
+import own
+print(own.counted(3)[0].sum())
+try:
+    own.counted(-1)
+except ValueError as problem:
+    print(problem)
+print("numba.np.arrayobj" in sys.modules)
+print(own.counted(np.int8(1))[0].sum() if {more} else 2.0)
+"""
+
 
 def output_of(code: str) -> list[str]:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -43,6 +66,18 @@ def test_learning_and_planning_load_nothing_heavy_that_they_do_not_need(algorith
 
 def test_code_of_others_compiles_with_linear_algebra_and_counted_references_as_without_us():
     assert output_of("import qualrl.kernels.jit" + OTHERS_CODE) == ["True", "14"]
+
+
+def test_machine_code_on_disk_is_used_without_the_compiler_and_more_can_be_compiled_after_it(tmp_path):
+    (tmp_path / "own.py").write_text(OWN_LOOP)
+    first, second, third = (output_of(USED.format(folder=str(tmp_path), more=more)) for more in (False, False, True))
+    assert first == ["9.0", "n is below 0", "True", "2.0"]
+    assert second == third == ["9.0", "n is below 0", "False", "2.0"]
+
+
+def test_a_learner_that_is_compiled_runs_without_the_compiler():
+    output_of(LEARN.format(algorithm="hql"))
+    assert output_of(LEARN.format(algorithm="hql") + "print('numba.np.arrayobj' in sys.modules)") == ["False"]
 
 
 @st.composite

@@ -23,7 +23,7 @@ NOT_FROM_PYTHON: dict[str, Any] = {"no_cpython_wrapper": True}
 
 def compiled(function: Function) -> Function:
     """Compile with numba: cached on disk, and the interpreter lock released while it runs."""
-    return cast(Function, njit(cache=True, nogil=True, **NOT_FROM_C)(function))
+    return _on_disk(function, NOT_FROM_C)
 
 
 def compiled_bare(function: Function) -> Function:
@@ -32,7 +32,13 @@ def compiled_bare(function: Function) -> Function:
     Counting costs an atomic operation for each array that a function takes out of a tuple, up to ten times the loop
     itself where parts are called at every step.
     """
-    return cast(Function, njit(cache=True, nogil=True, **UNCOUNTED, **NOT_FROM_C)(function))
+    return _on_disk(function, {**UNCOUNTED, **NOT_FROM_C})
+
+
+def _on_disk(function: Function, options: dict[str, Any]) -> Function:
+    loop = njit(nogil=True, **options)(function)
+    numba_start.keep_on_disk(loop)
+    return cast(Function, loop)
 
 
 def compiled_part(function: Function) -> Function:
@@ -59,4 +65,3 @@ def forget_stale(folder: Path) -> None:
 
 
 forget_stale(Path(__file__).parent)
-numba_start.start()

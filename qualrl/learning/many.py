@@ -3,6 +3,7 @@
 A run depends on its own seed and settings only, so neither the number of threads nor the order changes any result.
 """
 
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
 from threading import Event, Lock, Thread
@@ -14,6 +15,10 @@ from qualrl.learning.trainer import Milestone
 
 TELL_S = 0.05
 """So often it is told how many runs are done."""
+FIRST_LOOK_S = 0.002
+"""After so long it is seen whether runs are worth more than one thread, and from then on whenever it is told."""
+WORTH_S = 0.0005
+"""Runs of less CPU time are mostly Python, at which threads take turns: a second one would only be in the way."""
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -29,7 +34,8 @@ def over_threads(
     """What a function makes of each item, in their order.
 
     one: gives its second argument to ``trainer.train`` as ``watch``, so that a run stops when another has failed or
-    Ctrl-C is pressed.  threads: by default one for each processor that we may use.  told: called with 1, 2, ... as so
+    Ctrl-C is pressed.  threads: the most, by default one for each processor that we may use; very short runs are made
+    by one.  told: called with 1, 2, ... as so
     many runs are done.  Raises SettingError for threads below 1, and what a run raises.
     """
     if threads is not None and threads < 1:
@@ -58,16 +64,24 @@ def over_threads(
             stop.set()
             over.set()
 
-    pool = [Thread(target=work) for _ in range(min(threads or processors(), len(items)))]
+    pool: list[Thread] = []
+
+    def employ(count: int) -> None:
+        while len(pool) < min(count, len(items)):
+            pool.append(Thread(target=work))
+            pool[-1].start()
+
     try:
-        for thread in pool:
-            thread.start()
-        done = 0
+        employ(1)
+        done, patience = 0, FIRST_LOOK_S
         while done < len(items):
-            over.wait(TELL_S)
+            begun = time.process_time()
+            over.wait(patience)
             if failures:
                 raise failures[0]
-            before, done = done, len(results)
+            before, done, patience = done, len(results), TELL_S
+            if (done - before) * WORTH_S < time.process_time() - begun:
+                employ(threads or processors())
             if told is not None:
                 for number in range(before, done):
                     told(number + 1)
