@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from qualrl.api import PlaceLike, check_type, goal_name, start_of
-from qualrl.errors import SettingError
+from qualrl.errors import SettingError, UnknownNameError
 from qualrl.models.hybrid_mdp import HybridMDP
 
 if TYPE_CHECKING:
@@ -12,7 +12,23 @@ if TYPE_CHECKING:
     from qualrl.planning.summary import Summary
     from qualrl.planning.what_if import WhatIf
     from qualrl.planning.which_matters import WhichMatters
+    from qualrl.planning.why import Why
     from qualrl.planning.why_not import WhyNot
+
+
+def why(model: HybridMDP, at: str | None = None, start: PlaceLike | None = None) -> "Why":
+    """Why the plan leaves a region as it does and not by the next best doorway: what each way earns, and where.
+
+    at: a region, by default the start's.  Raises UnknownNameError, and NoPlanError when no way leads to the goal.
+    """
+    from qualrl.planning import why as answers
+
+    check_type("why", model, HybridMDP, "a HybridMDP, from qualrl.build")
+    if model.regions is None:
+        raise SettingError("a model without a map has no doorways to choose from")
+    if at is not None and at not in model.region_names:
+        raise UnknownNameError(model.regions.why_not(at, "no region", model.region_names))
+    return answers.why(model, start_of(model, start)[0], goal_name(model), at)
 
 
 def why_not(model: HybridMDP, via: str | Sequence[str], start: PlaceLike | None = None) -> "WhyNot":

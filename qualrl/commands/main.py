@@ -24,6 +24,7 @@ from qualrl.commands.summary import summary
 from qualrl.commands.warmup import warmup
 from qualrl.commands.what_if import what_if
 from qualrl.commands.which_matters import which_matters
+from qualrl.commands.why import why
 from qualrl.commands.why_not import why_not
 
 app = typer.Typer(
@@ -57,6 +58,7 @@ for command, in_short in (
     (convert, "Map to hybrid MDP, pictures, graphs, a scenario to edit."),
     (learn, "Learn a scenario, beside the exact optimum."),
     (plan, "Plan between two places, and say why each step is taken."),
+    (why, "Why the plan takes this doorway and not the next best."),
     (why_not, "Why the plan does not go by a place, and when it would."),
     (what_if, "What a closed door, an opened wall or another number changes."),
     (which_matters, "Which doorways and regions the plan hangs on."),

@@ -1,7 +1,7 @@
 """The best way from a state that leaves its region by a given doorway.
 
-S states, A actions.  All other doorways of the region are shut until it is left (paper, equation (10)); what lies beyond
-the doorway is worth what it is worth in the whole world.
+S states, A actions.  All other doorways of the region are shut until it is left (paper, equation (10)); what lies
+beyond the doorway is worth what it is worth in the whole world.
 """
 
 from dataclasses import dataclass, replace

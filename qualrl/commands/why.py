@@ -1,0 +1,27 @@
+"""``qualrl why``: why a plan takes this doorway and not the next best."""
+
+from typing import Annotated
+
+import typer
+
+from qualrl.commands.console import Console, guarded
+from qualrl.commands.options import AsJson, Debug, Quiet, ScenarioFile, Settings
+from qualrl.commands.questions import From, answered
+
+
+@guarded
+def why(
+    source: ScenarioFile,
+    at: Annotated[
+        str | None, typer.Option("--at", metavar="REGION", help="Where to ask it; by default at the start.")
+    ] = None,
+    start: From = None,
+    settings: Settings = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Compare the plan's next doorway with the next best one: the difference in value by region and kind of reward."""
+    from qualrl import questions
+
+    answered(source, settings, Console(as_json, quiet), lambda model: questions.why(model, at, start))

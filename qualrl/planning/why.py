@@ -1,0 +1,193 @@
+"""Why a plan takes this doorway and not the next best: the difference in value, booked by region and kind of reward.
+
+S states, A actions.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.planning.account import Account, account_of_policy, account_of_walk
+from qualrl.planning.choices import Chooser
+from qualrl.planning.crossings import door_taken
+from qualrl.planning.legs import legs_of
+from qualrl.planning.planner import exact_walk
+from qualrl.planning.through import ThroughWay, best_moves, way_through
+from qualrl.planning.values import exact_plan_values
+from qualrl.planning.ways import Way, course, way_of
+from qualrl.qualitative.plan_value import Contrast, contrast
+from qualrl.solving.exact import ExactValues, exact_values
+
+SMALL = 1e-9
+"""Differences below this share of a value are none."""
+FELT = 1e-3
+"""Entries that differ by less than this share of the margin are put in words together."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What the two ways earn in one region by one kind of reward, discounted to where they part."""
+
+    region: str
+    kind: str
+    best: float
+    other: float
+
+    @property
+    def difference(self) -> float:
+        """By which the best way is ahead here."""
+        return self.best - self.other
+
+    def in_words(self) -> str:
+        """As a line of the answer."""
+        ahead = f"{abs(self.difference):.3g} {'for' if self.difference > 0 else 'against'} it"
+        return f"  {self.region}, {self.kind}: {self.best:.6g} beside {self.other:.6g}, {ahead}"
+
+
+@dataclass(frozen=True)
+class Why:
+    """The answer."""
+
+    at: str
+    """The place the question is about."""
+    goal: str
+    gamma: float
+    action: str
+    best: Way
+    other_action: str | None
+    """The next best doorway; None where no other leads on to the goal."""
+    other: Way | None
+    entries: tuple[Entry, ...]
+    """The accounts of both ways, largest difference first; the differences add up to that of the values."""
+    contrast: Contrast | None
+    """Of both ways for every gamma; None where moves slip, or there is only one."""
+
+    def explain(self) -> str:
+        """In words, a line a fact."""
+        lines = [
+            f"In {self.at} the plan for {self.goal} is to {self.action}: {self.best.in_words()}, "
+            f"worth {self.best.value:.6g}."
+        ]
+        if self.other is None:
+            lines.append("No other doorway leads on from there, so there is nothing to choose.")
+            return "\n".join(lines)
+        margin = self.best.value - self.other.value
+        far = margin > SMALL * abs(self.best.value)
+        lines.append(
+            f"Next best is to {self.other_action}: {self.other.in_words()}, worth {self.other.value:.6g}, "
+            + (f"{margin:.3g} less." if far else "exactly as much.")
+        )
+        if far:
+            told = [entry for entry in self.entries if abs(entry.difference) > FELT * margin]
+            lines.append(f"The {margin:.3g} at gamma {self.gamma:g} is made up of:")
+            lines += [entry.in_words() for entry in told]
+            if len(told) < len(self.entries):
+                rest = sum(entry.difference for entry in self.entries[len(told) :])
+                lines.append(f"  elsewhere: {abs(rest):.3g} {'for' if rest > 0 else 'against'} it")
+        if self.contrast is not None:
+            lines.append(f"Of these two ways, {self.contrast.in_words('the plan', 'the next best')}.")
+        else:
+            lines.append("Which is better at another gamma is undecided: moves slip, so no formula of a way tells.")
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON twin of ``explain``, with the formulas and the certificate."""
+        return {
+            "question": "why", "at": self.at, "to": self.goal, "gamma": self.gamma, "action": self.action,
+            "best": self.best.to_dict(), "other_action": self.other_action,
+            "other": None if self.other is None else self.other.to_dict(),
+            "entries": [
+                {"region": of.region, "kind": of.kind, "best": of.best, "other": of.other, "difference": of.difference}
+                for of in self.entries
+            ],
+            "contrast": None if self.contrast is None else self.contrast.to_dict("best", "other"),
+            "sentences": self.explain().splitlines(),
+        }  # fmt: skip
+
+
+def why(model: HybridMDP, start: int, goal: str, at: str | None) -> Why:
+    """Ask why the plan from a state goes on as it does where it enters the region ``at``, or right there (None).
+
+    goal: what to call it.  A region that the plan does not pass is asked about at its centre.
+    Raises NoPlanError where no way leads to the goal.
+    """
+    assert model.regions is not None
+    model.check_reachable(start)
+    exact = exact_values(model.world)
+    walk = exact_walk(model, exact, start)
+    if at is not None:
+        walk = _from(model, exact, walk, at)
+    place = model.region_names[int(model.region_of[walk[0]])]
+    best = way_of(model, [walk], float(exact.value[walk[0]]))
+    legs = legs_of(model, walk)
+    if len(legs) < 2:
+        return Why(place, goal, model.gamma, "walk to the goal", best, None, None, (), None)
+    leave = legs[1].first
+    door = door_taken(model, model.regions, walk[leave - 1], walk[leave])
+    action = f"go through {door.name} to {best.places[1]}"
+    choices = Chooser(model, model.regions, exact_plan_values(model, exact)).at(walk[0], door)
+    others = [choice for choice in choices if choice.door.name != door.name]
+    if not others:
+        return Why(place, goal, model.gamma, action, best, None, None, (), None)
+    through = way_through(model, exact, walk[0], others[0].door)
+    other = way_of(model, through.parts, through.value)
+    slips = model.grid.slip > 0
+    accounts = _expected(model, exact, walk[0], through) if slips else _walked(model, walk, through)
+    return Why(
+        place, goal, model.gamma, action, best,
+        f"go through {others[0].door.name} to {model.region_names[others[0].to_region]}", other, _entries(*accounts),
+        None if slips else contrast(course(model, walk), course(model, through.walk)),
+    )  # fmt: skip
+
+
+def _from(model: HybridMDP, exact: ExactValues, walk: list[int], at: str) -> list[int]:
+    """The walk from where it enters a region; where it does not, the best one from the region's centre."""
+    assert model.regions is not None
+    region = model.region_names.index(at)
+    for index, state in enumerate(walk):
+        if model.region_of[state] == region:
+            return walk[index:]
+    state = int(model.grid.state_of[model.regions.regions[region].centre])
+    model.check_reachable(state)
+    return exact_walk(model, exact, state)
+
+
+def _walked(model: HybridMDP, walk: Sequence[int], through: ThroughWay) -> tuple[Account, Account]:
+    return account_of_walk(model, walk), account_of_walk(model, through.walk)
+
+
+def _expected(model: HybridMDP, exact: ExactValues, start: int, through: ThroughWay) -> tuple[Account, Account]:
+    """Accounts of the best policy, and of the one that leaves the region by another doorway first, and is best then."""
+    world = model.grid
+    everywhere = np.arange(len(world))
+    onward = world.successor.astype(np.int64)
+    best = _policy(model, exact.shifted, exact.shift, everywhere)
+    first = account_of_policy(model, onward, best, everywhere, start)
+    region = int(model.region_of[start])
+    inside = np.flatnonzero(model.region_of == region)  # states N .. N + n - 1 of a world that has them twice
+    number = np.arange(len(world))
+    number[inside] = len(world) + np.arange(len(inside))
+    both = np.concatenate([onward, number[through.world.successor[inside].astype(np.int64)]])
+    shut = _policy(model, through.shifted, exact.shift, inside, through)
+    second = account_of_policy(
+        model, both, np.concatenate([best, shut]), np.concatenate([everywhere, inside]), int(number[start])
+    )
+    return first, second
+
+
+def _policy(
+    model: HybridMDP, shifted: NDArray[np.float64], shift: float, states: NDArray[np.int64],
+    through: ThroughWay | None = None,
+) -> NDArray[np.int64]:  # fmt: skip
+    """(n,) a best move at each state."""
+    world = model.grid if through is None else through.world
+    return np.array([int(best_moves(world, shifted, shift, state).argmax()) for state in states.tolist()], np.int64)
+
+
+def _entries(best: Account, other: Account) -> tuple[Entry, ...]:
+    entries = [Entry(*key, best.get(key, 0.0), other.get(key, 0.0)) for key in {**best, **other}]
+    return tuple(sorted(entries, key=lambda entry: -abs(entry.difference)))
