@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from qualrl.api import Training, build, plan, train, train_seeds, which_matters, why_not
+    from qualrl.api import Training, build, plan, train, train_seeds, which_matters, why_not, why_unreachable
     from qualrl.errors import QualrlError
     from qualrl.io.read_map import read_map
     from qualrl.io.scenario import Scenario, load_scenario
@@ -35,6 +35,7 @@ _HOME = {
     "train_seeds": "api",
     "which_matters": "api",
     "why_not": "api",
+    "why_unreachable": "api",
     "QualrlError": "errors",
     "read_map": "io.read_map",
     "Scenario": "io.scenario",
@@ -70,6 +71,7 @@ __all__ = [
     "train_seeds",
     "which_matters",
     "why_not",
+    "why_unreachable",
 ]
 
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from qualrl.planning.plan import Plan
     from qualrl.planning.which_matters import WhichMatters
     from qualrl.planning.why_not import WhyNot
+    from qualrl.planning.why_unreachable import WhyUnreachable
 
 PlaceLike = PlaceOnMap | int
 """A place as ``spatial.place.PlaceLike``, or, for a model without a map, the number of a state."""
@@ -203,6 +204,20 @@ def which_matters(model: HybridMDP, start: PlaceLike | None = None) -> "WhichMat
     _check("which_matters", model, HybridMDP, "a HybridMDP, from qualrl.build")
     state, name = _start(model, start)
     return questions.which_matters(model, state, (name, goal_name(model)))
+
+
+def why_unreachable(model: HybridMDP, start: PlaceLike | None = None) -> "WhyUnreachable":
+    """Why no way leads to the goal: what is in the way, and the nearest radius, threshold or doorway that would open it.
+
+    The map's file is read again for its thresholds.  Where a way leads, the answer says so.  Raises SettingError for a
+    model without a map.
+    """
+    from qualrl.io.ros_thresholds import other_thresholds
+    from qualrl.planning import why_unreachable as questions
+
+    _check("why_unreachable", model, HybridMDP, "a HybridMDP, from qualrl.build")
+    state, name = _start(model, start)
+    return questions.why_unreachable(model, state, (name, goal_name(model)), other_thresholds)
 
 
 def goal_name(model: HybridMDP) -> str:

@@ -21,6 +21,7 @@ from qualrl.commands.show import show
 from qualrl.commands.warmup import warmup
 from qualrl.commands.which_matters import which_matters
 from qualrl.commands.why_not import why_not
+from qualrl.commands.why_unreachable import why_unreachable
 
 app = typer.Typer(
     name="qualrl",
@@ -55,6 +56,7 @@ for command, in_short in (
     (plan, "Plan between two places, and say why each step is taken."),
     (why_not, "Why the plan does not go by a place, and when it would."),
     (which_matters, "Which doorways and regions the plan hangs on."),
+    (why_unreachable, "What is in the way of the goal, and what would open it."),
     (route, "The shortest way between two places of a map."),
     (learners, "List the learners and what each converges to."),
     (schema, "Print the JSON Schema of scenario files, for editors."),
