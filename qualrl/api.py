@@ -1,4 +1,4 @@
-"""The verbs of the library: build, train, train_seeds, plan (read_map, segment and load_scenario live elsewhere).
+"""The verbs of the library: build, train, plan, questions to a plan (read_map, segment, load_scenario live elsewhere).
 
 What only one of them needs, or few of its calls, is imported there: each takes some of the first second.
 """
@@ -207,7 +207,7 @@ def which_matters(model: HybridMDP, start: PlaceLike | None = None) -> "WhichMat
 
 
 def why_unreachable(model: HybridMDP, start: PlaceLike | None = None) -> "WhyUnreachable":
-    """Why no way leads to the goal: what is in the way, and the nearest radius, threshold or doorway that would open it.
+    """Why no way leads to the goal: what is in the way, and the nearest radius, threshold or doorway to open it.
 
     The map's file is read again for its thresholds.  Where a way leads, the answer says so.  Raises SettingError for a
     model without a map.

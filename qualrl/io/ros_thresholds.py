@@ -4,6 +4,7 @@ A map's file is read again; its thresholds are tried to four decimals, which tel
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,12 +20,14 @@ from qualrl.planning.blocked import Blocked
 from qualrl.planning.openings import OtherThresholds, first_to_open
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 
+Free = Callable[[RosSettings], NDArray[np.bool_]]
+"""(H, W) the free cells of a map under other settings."""
 DECIMALS = 4
 PARTS = 10**DECIMALS
 
 
 def other_thresholds(blocked: Blocked) -> tuple[tuple[OtherThresholds, ...], str]:
-    """The least threshold, and another mode, under which there is a way; or why there is none.
+    """The least free_thresh, or another mode if that changes fewer cells, under which there is a way; or why none.
 
     Thresholds below 1 are tried: at 1 all of a map is free.  The mode is tried with the thresholds as they are.
     """
@@ -32,18 +35,17 @@ def other_thresholds(blocked: Blocked) -> tuple[tuple[OtherThresholds, ...], str
         image, settings, dialect = _as_read(blocked.grid)
     except MapError as problem:
         return (), f"The thresholds of the map were not tried: {problem}."
-    now = occupancy(image, settings, dialect) == 0
 
     def free(changed: RosSettings) -> NDArray[np.bool_]:
         return np.asarray(occupancy(image, changed, dialect) == 0)
 
-    found = []
-    for changed in (*_least(blocked, image, settings, dialect), *_modes(settings)):
-        then = free(changed)
-        steps = blocked.steps(blocked.standing(then))
-        if steps >= 0:
-            found.append(_opening(blocked, settings, changed, then & ~now, now & ~then, steps))
-    return tuple(found), "" if found else "No threshold below 1 and no mode of the map would open a way."
+    found = [_opening(blocked, settings, changed, free(changed)) for changed in _least(blocked, settings, free)]
+    modes = [(mode, free(mode)) for mode in _modes(settings)]
+    found += [_opening(blocked, settings, *mode) for mode in modes if blocked.steps(blocked.standing(mode[1])) >= 0]
+    nearest = min(found, key=lambda opening: opening.freed.total + opening.lost, default=None)
+    if nearest is None:
+        return (), "No threshold below 1 and no mode of the map would open a way."
+    return (nearest,), ""
 
 
 def _as_read(grid: OccupancyGrid) -> tuple[Image, RosSettings, str]:
@@ -69,28 +71,26 @@ def _file_of(source: str) -> tuple[Image, RosSettings]:
     return decode_image(data, source), RosSettings()
 
 
-def _least(blocked: Blocked, image: Image, settings: RosSettings, dialect: str) -> list[RosSettings]:
-    """The settings with the least free_thresh under which there is a way, as short decimals; one or none."""
+def _least(blocked: Blocked, settings: RosSettings, free: Free) -> list[RosSettings]:
+    """The settings with the least free_thresh under which there is a way, in as few decimals as do; one or none."""
     if settings.mode == "raw":
         return []
     first = math.floor(max(settings.free_thresh, 0.0) * PARTS) + 1
 
-    def free(changed: RosSettings) -> NDArray[np.bool_]:
-        return np.asarray(occupancy(image, changed, dialect) == 0)
+    def opens(more: int) -> bool:
+        return blocked.steps(blocked.standing(free(_raised(settings, (first + more) / PARTS)))) >= 0
 
-    at = first_to_open(
-        PARTS - first,
-        lambda more: blocked.steps(blocked.standing(free(_raised(settings, (first + more) / PARTS)))) >= 0,
-    )
+    at = first_to_open(PARTS - first, opens)
     if at is None:
         return []
     exact = _raised(settings, (first + at) / PARTS)
-    for decimals in range(2, DECIMALS):
-        unit = 10**decimals
-        shorter = _raised(settings, math.ceil(exact.free_thresh * unit) / unit)
-        if shorter.free_thresh < 1 and np.array_equal(free(shorter), free(exact)):
-            return [shorter]
-    return [exact]
+    units = (10**decimals for decimals in range(2, DECIMALS))
+    shorter = [_raised(settings, math.ceil(exact.free_thresh * unit) / unit) for unit in units]
+    return [next((short for short in shorter if _is_as(short, exact, free)), exact)]
+
+
+def _is_as(short: RosSettings, exact: RosSettings, free: Free) -> bool:
+    return short.free_thresh < 1 and np.array_equal(free(short), free(exact))
 
 
 def _raised(settings: RosSettings, free_thresh: float) -> RosSettings:
@@ -107,13 +107,16 @@ def _modes(settings: RosSettings) -> list[RosSettings]:
 
 
 def _opening(
-    blocked: Blocked, settings: RosSettings, changed: RosSettings, freed: NDArray[np.bool_], lost: NDArray[np.bool_],
-    steps: int,
-) -> OtherThresholds:  # fmt: skip
-    standing = blocked.standing((blocked.map_free | freed) & ~lost)
+    blocked: Blocked, settings: RosSettings, changed: RosSettings, then_free: NDArray[np.bool_]
+) -> OtherThresholds:
+    """The record of settings that open a way."""
+    standing = blocked.standing(then_free)
     way = blocked.way_changing_least(standing)
+    freed = then_free & ~blocked.map_free
     on_way = [cell for cell in way if freed[cell]]
     keys = ("free_thresh", "occupied_thresh", "mode")
     pairs = [(key, getattr(settings, key), getattr(changed, key)) for key in keys]
-    changes = tuple(pair for pair in pairs if pair[1] != pair[2])
-    return OtherThresholds(steps, way, changes, blocked.kinds(freed), blocked.kinds(on_way), int(lost.sum()))
+    return OtherThresholds(
+        blocked.steps(standing), way, tuple(pair for pair in pairs if pair[1] != pair[2]), blocked.kinds(freed),
+        blocked.kinds(on_way), int(np.count_nonzero(blocked.map_free & ~then_free)),
+    )  # fmt: skip

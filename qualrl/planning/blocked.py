@@ -31,11 +31,18 @@ class Kinds:
     tight: int = 0
     """Free, but too near to what is not for the robot's radius."""
 
+    @property
+    def total(self) -> int:
+        """All of them."""
+        return self.wall + self.unknown + self.tight
+
     def in_words(self) -> str:
         """As "2 wall cells and 1 unknown cell"."""
         named = (
-            (self.wall, "wall cell", ""), (self.unknown, "unknown cell", ""), (self.tight, "cell", " too tight for the robot")
-        )  # fmt: skip
+            (self.wall, "wall cell", ""),
+            (self.unknown, "unknown cell", ""),
+            (self.tight, "cell", " too tight for the robot"),
+        )
         return " and ".join(f"{n:,} {what}{'' if n == 1 else 's'}{tail}" for n, what, tail in named if n) or "no cell"
 
     def to_dict(self) -> dict[str, int]:

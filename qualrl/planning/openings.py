@@ -30,8 +30,12 @@ class Opening:
         """ "radius", "thresholds", "doorways" or "clearing"."""
         raise NotImplementedError
 
+    def brief(self) -> str:
+        """The change in a few words."""
+        raise NotImplementedError
+
     def change(self) -> str:
-        """The change in words."""
+        """The change, with what goes with it."""
         raise NotImplementedError
 
     def details(self) -> dict[str, Any]:
@@ -40,7 +44,7 @@ class Opening:
 
     def in_words(self) -> str:
         """As a line of the answer."""
-        return f"{self.change()}: the shortest way then takes {self.steps:,} steps."
+        return f"{self.change()}; the shortest way then takes {self.steps:,} step{'' if self.steps == 1 else 's'}."
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON."""
@@ -63,12 +67,13 @@ class SmallerRobot(Opening):
 
     kind = "radius"
 
+    def brief(self) -> str:
+        """See Opening."""
+        return f"radius_m {self.radius_m:g} instead of {self.radius_now_m:g}"
+
     def change(self) -> str:
         """See Opening."""
-        return (
-            f"radius_m {self.radius_m:g} instead of {self.radius_now_m:g}, which is as large as the narrowest place "
-            f"allows, {self.narrowest.where()}"
-        )
+        return f"{self.brief()}, which just fits the narrowest place, {self.narrowest.where()}"
 
     def details(self) -> dict[str, Any]:
         """See Opening."""
@@ -92,11 +97,15 @@ class OtherThresholds(Opening):
 
     kind = "thresholds"
 
-    def change(self) -> str:
+    def brief(self) -> str:
         """See Opening."""
         changes = " and ".join(f"{key} {_plain(then)} instead of {_plain(now)}" for key, now, then in self.settings)
-        lost = f", and {self.lost:,} no longer are" if self.lost else ""
-        return f"{changes} in the map, by which {self.freed.in_words()} become free, {self._on_way()}{lost}"
+        return f"{changes} in the map"
+
+    def change(self) -> str:
+        """See Opening."""
+        lost = f"; {self.lost:,} that are free no longer are" if self.lost else ""
+        return f"{self.brief()}, which frees {self.freed.in_words()}, {self._on_way()}{lost}"
 
     def _on_way(self) -> str:
         told = "none on that way" if self.freed_on_way == Kinds() else f"{self.freed_on_way.in_words()} on that way"
@@ -124,9 +133,13 @@ class OpenDoorways(Opening):
 
     kind = "doorways"
 
-    def change(self) -> str:
+    def brief(self) -> str:
         """See Opening."""
         return f"{' and '.join(self.doors)} opened"
+
+    def change(self) -> str:
+        """See Opening."""
+        return self.brief()
 
     def details(self) -> dict[str, Any]:
         """See Opening."""
@@ -149,23 +162,28 @@ class Cleared(Opening):
 
     kind = "clearing"
 
+    def brief(self) -> str:
+        """See Opening."""
+        doors = f", and {' and '.join(self.doors)} opened" if self.doors else ""
+        return f"{self.cleared.in_words()} cleared{doors}"
+
     def change(self) -> str:
         """See Opening."""
         places = [self._at(place) for place in self.crossings[:MOST_TOLD]]
         if len(self.crossings) > MOST_TOLD:
             places.append(f"{len(self.crossings) - MOST_TOLD} places more")
-        doors = f", with {' and '.join(self.doors)} opened" if self.doors else ""
-        return f"{' and '.join(places)}, which takes {self.cleared.in_words()} away{doors}"
+        return f"{' and '.join(places)}: {self.brief()}"
 
     def _at(self, place: Crossing) -> str:
         """What must be done at a place."""
         kinds = place.kinds
-        if self.radius_m:
-            return f"room for a robot with radius_m {self.radius_m:g} made {place.sides()}"
-        what = "a doorway through the wall" if kinds.wall else "unknown space mapped as free"
+        what = (
+            "a doorway through the wall" if kinds.wall else "unknown space mapped as free" if kinds.unknown else "a way"
+        )
+        wide = f" wide enough for radius_m {self.radius_m:g}" if self.radius_m else ""
         thick = kinds.wall + kinds.unknown
-        cells = f"{thick} cell{'' if thick == 1 else 's'} ({thick * self.resolution_m:.2f} m) thick"
-        return f"{what} {place.sides()}, {cells}"
+        cells = f", {thick} cell{'' if thick == 1 else 's'} ({thick * self.resolution_m:.2f} m) thick" if thick else ""
+        return f"{what}{wide} {place.sides()}{cells}"
 
     def details(self) -> dict[str, Any]:
         """See Opening."""

@@ -1,4 +1,4 @@
-"""Why a goal cannot be reached: the parts of the map that hold start and goal, what lies between, what would open it."""
+"""Why a goal cannot be reached: the parts of the map with start and goal, what lies between, what would open it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -95,7 +95,7 @@ class WhyUnreachable:
         doors = sum(place.door is not None for place in self.crossings)
         counts = [self.obstacle.in_words()] * (self.obstacle != Kinds())
         counts += [f"{doors} closed doorway{'' if doors == 1 else 's'}"] * (doors > 0)
-        least = f"In the way are at least {' and '.join(counts)}"
+        least = f"In the way at least: {' and '.join(counts)}"
         if len(self.crossings) == 1:
             return [f"{least}, {self.crossings[0].where()}."]
         lines = [f"  {place.in_words()}" for place in self.crossings[:MOST_TOLD]]

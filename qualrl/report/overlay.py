@@ -152,20 +152,22 @@ def _draw_path(axes: Axes, path: Sequence[Cell], sheet: Sheet, room: Room) -> No
         return
     places = np.array([sheet.at(*cell) for cell in path])
     axes.plot(places[:, 0], places[:, 1], color=PATH, linewidth=px(0.2 * sheet.em), zorder=4.5)
-    for place, style in zip((places[:1], places[-1:]), (_start(sheet.em), _goal(sheet.em)), strict=True):
+    for place, style in zip((places[:1], places[-1:]), (start_style(sheet.em), goal_style(sheet.em)), strict=True):
         axes.plot(place[:, 0], place[:, 1], zorder=5, **style)
         room.mark(place, 0.75 * sheet.em, hard=True)
     room.mark_lines([places], 0.15 * sheet.em, hard=False)
 
 
-def _start(em: float) -> dict[str, Any]:
+def start_style(em: float) -> dict[str, Any]:
+    """How the start is marked."""
     return {
         "color": PATH, "marker": "o", "linestyle": "none", "markersize": px(0.9 * em), "markerfacecolor": "white",
         "markeredgewidth": px(0.2 * em),
     }  # fmt: skip
 
 
-def _goal(em: float) -> dict[str, Any]:
+def goal_style(em: float) -> dict[str, Any]:
+    """How the goal is marked."""
     return {
         "color": PATH, "marker": "*", "linestyle": "none", "markersize": px(1.5 * em), "markeredgecolor": "white",
         "markeredgewidth": px(0.06 * em),
@@ -217,7 +219,7 @@ def _entries(regions: RegionMap, path: Sequence[Cell], em: float, kinds: Sequenc
         )
     if path:
         entries.append(Entry("path", {"color": PATH, "linewidth": px(0.2 * em)}))
-        entries += [Entry("start", _start(em)), Entry("goal", _goal(em))]
+        entries += [Entry("start", start_style(em)), Entry("goal", goal_style(em))]
     square = {"marker": "s", "linestyle": "none", "markersize": px(0.9 * em), "markeredgewidth": px(1.0)}
     if any(region.kind == "pocket" for region in regions.regions):
         striped = {"fillstyle": "top", "markerfacecolor": "white", "markerfacecoloralt": region_colours.UNKNOWN}
