@@ -27,7 +27,7 @@ class Opening:
 
     @property
     def kind(self) -> str:
-        """ "radius", "thresholds", "doorways" or "clearing"."""
+        """One of "radius", "thresholds", "doorways" and "clearing"."""
         raise NotImplementedError
 
     def brief(self) -> str:

@@ -81,8 +81,8 @@ class WhyUnreachable:
         return "\n".join(
             [
                 f"No way leads from {self.start} to {self.goal}.",
-                f"From {self.start} can be reached: {self.parts[0].in_words()}.",
-                f"From {self.goal} can be reached: {self.parts[1].in_words()}.",
+                f"The start's part of the map: {self.parts[0].in_words()}.",
+                f"The goal's part of the map: {self.parts[1].in_words()}.",
                 *self._obstacle_lines(),
                 "A way would be opened by" if self.openings else "Nothing that was tried would open a way.",
                 *(f"- {opening.in_words()}" for opening in self.openings),
