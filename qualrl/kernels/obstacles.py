@@ -1,8 +1,9 @@
 """The way over a grid with the least on it that stands in the way.
 
 H, W: rows, columns.  A step weighs 0, 1 (an obstacle) or NEVER (none may be made).  ``weight`` (H, W) uint8 is that of
-every step onto a cell.  ``closed`` (H, W) uint8 has bit RIGHT or DOWN where a closed door is between a cell and the one
-to its right or below; ``closing`` is what a step through one weighs at least.
+every step onto a cell.  ``hard`` (H, W) uint8 is 1 for a cell that is worse than others of its weight, else 0.
+``closed`` (H, W) uint8 has bit RIGHT or DOWN where a closed door is between a cell and the one to its right or below;
+``closing`` is what a step through one weighs at least.
 Steps are 4-connected: a diagonal one needs both cells beside it, so it saves no obstacle.
 """
 
@@ -29,15 +30,18 @@ def _step(weight: Any, closed: Any, closing: int, here: int, side: int) -> Any:
 
 
 @compiled
-def least_way(weight: Any, closed: Any, closing: int, source: int, target: int) -> Any:
-    """(N, 2) int32 rows and columns of a way that weighs least, and of those one with the fewest steps; or (0, 2).
+def least_way(weight: Any, hard: Any, closed: Any, closing: int, source: int, target: int) -> Any:
+    """(N, 2) int32 rows and columns of a way that weighs least; or (0, 2).
 
+    Of those it is one with the fewest hard cells, and of those one with the fewest steps.
     source, target: flat indices of two cells.
     """
-    level = _levels(weight, closed, closing, source)
+    nothing = np.empty(0, np.int32)
+    level = _levels(weight, hard, closed, closing, source, nothing)
     if level[target] < 0:
         return np.empty((0, 2), np.int32)
-    steps = _steps(weight, closed, closing, source, level)
+    worse = _levels(weight, hard, closed, closing, source, level)
+    steps = _steps(weight, hard, closed, closing, source, level, worse)
     width = weight.shape[1]
     cells = np.empty((steps[target] + 1, 2), np.int32)
     here = target
@@ -47,15 +51,19 @@ def least_way(weight: Any, closed: Any, closing: int, source: int, target: int) 
             # Steps weigh by where they lead, so that of the way back is looked up from the other end.
             other, _ = _step(weight, closed, closing, here, side)
             back, cost = _step(weight, closed, closing, other, side ^ 1)
-            if back == here and cost < NEVER and steps[other] == at - 1 and level[other] + cost == level[here]:
+            is_best = level[other] + cost == level[here] and worse[other] + hard.ravel()[here] == worse[here]
+            if back == here and cost < NEVER and steps[other] == at - 1 and is_best:
                 here = other
                 break
     return cells
 
 
 @compiled
-def _levels(weight: Any, closed: Any, closing: int, source: int) -> Any:
-    """(H * W,) how much the lightest way to each cell weighs, -1 where none leads: one weight after the other."""
+def _levels(weight: Any, hard: Any, closed: Any, closing: int, source: int, least: Any) -> Any:
+    """(H * W,) how much the lightest way to each cell weighs, -1 where none leads: one weight after the other.
+
+    least: empty, or these weights; then, of the ways that weigh so little, how many hard cells the best has.
+    """
     level = np.full(weight.size, -1, np.int32)
     now, later = np.empty(weight.size, np.int32), np.empty(weight.size, np.int32)
     level[source], now[0] = 0, source
@@ -67,6 +75,8 @@ def _levels(weight: Any, closed: Any, closing: int, source: int) -> Any:
             head += 1
             for side in range(4):
                 other, cost = _step(weight, closed, closing, here, side)
+                if cost < NEVER and least.size:
+                    cost = np.int64(hard.ravel()[other]) if least[other] == least[here] + cost else NEVER
                 if cost < NEVER and (level[other] < 0 or level[other] > depth + cost):
                     level[other] = depth + cost
                     if cost == 0:
@@ -84,8 +94,8 @@ def _levels(weight: Any, closed: Any, closing: int, source: int) -> Any:
 
 
 @compiled
-def _steps(weight: Any, closed: Any, closing: int, source: int, level: Any) -> Any:
-    """(H * W,) the fewest steps to each cell on ways that weigh least, -1 where none leads."""
+def _steps(weight: Any, hard: Any, closed: Any, closing: int, source: int, level: Any, worse: Any) -> Any:
+    """(H * W,) the fewest steps to each cell on ways that are best by both, -1 where none leads."""
     steps = np.full(weight.size, -1, np.int32)
     queue = np.empty(weight.size, np.int32)
     steps[source], queue[0] = 0, source
@@ -95,7 +105,8 @@ def _steps(weight: Any, closed: Any, closing: int, source: int, level: Any) -> A
         head += 1
         for side in range(4):
             other, cost = _step(weight, closed, closing, here, side)
-            if cost < NEVER and steps[other] < 0 and level[other] == level[here] + cost:
+            is_best = level[other] == level[here] + cost and worse[other] == worse[here] + hard.ravel()[other]
+            if cost < NEVER and steps[other] < 0 and is_best:
                 steps[other], queue[end] = steps[here] + 1, other
                 end += 1
     return steps

@@ -142,13 +142,18 @@ class Blocked:
     def way(self, weight: NDArray[np.uint8], closing: int) -> Way:
         """The lightest way; see ``kernels.obstacles``.  closing: what a step through a closed doorway weighs."""
         source, target = (row * weight.shape[1] + column for row, column in self.ends)
-        found = least_way(weight, self._closed, closing, source, target)
+        found = least_way(weight, self._hard, self._closed, closing, source, target)
         return tuple((row, column) for row, column in found.tolist())
 
     def way_changing_least(self, standing: Flags) -> Way:
         """Over cells where the robot could stand, a way with the fewest on which it cannot stand now."""
         weight = np.where(standing, np.where(self.grid.free, 0, 1), NEVER).astype(np.uint8)
         return self.way(weight, NEVER)
+
+    @cached_property
+    def _hard(self) -> NDArray[np.uint8]:
+        """(H, W) what is not free on the map itself: rather than through a wall, a way leads through a narrow door."""
+        return (~self.map_free).astype(np.uint8)
 
     @cached_property
     def _closed(self) -> NDArray[np.uint8]:
@@ -200,8 +205,9 @@ class Blocked:
 def least_obstacle(blocked: Blocked) -> tuple[Way, tuple[Crossing, ...]]:
     """The way from start to goal with the fewest cells on which the robot cannot stand, and where these are.
 
-    If opening closed doorways is enough, they are what is in the way, and as few as can be.  Cells so near to the map's
-    edge that a robot would stick out are never on the way: nothing can be cleared there.
+    Of several that with the fewest walls and unknown cells, and then the shortest.  If opening closed doorways is
+    enough, they are what is in the way, and as few as can be.  Cells so near to the map's edge that a robot would stick
+    out are never on the way: nothing can be cleared there.
     """
     free = blocked.grid.free
     way = blocked.way(np.where(free, 0, NEVER).astype(np.uint8), 1)
