@@ -331,6 +331,14 @@ def test_closed_doorways_are_named_and_as_few_as_can_be_are_opened(directions):
     assert f"{len(opening.doors)} closed doorways, in {len(opening.doors)} places:" in answer.explain()
 
 
+def test_a_single_closed_doorway_is_named_where_it_is():
+    model = qualrl.build(qualrl.segment(grid_of(NARROW)), [2, 12], start=[2, 2]).with_closed(["door 1"])
+    answer = qualrl.why_unreachable(model)
+    line = "In the way at least: 1 closed doorway, door 1, between room A and room B at row 3, column"
+    assert answer.explain().splitlines()[3].startswith(line)
+    assert openings_of(answer)["doorways"].brief() == "door 1 opened"
+
+
 def test_a_closed_doorway_beyond_a_wall_is_opened_with_it():
     regions = qualrl.segment(
         grid_of("#########\n#.#.....#\n#.#.....#\n#.#.....#\n####.####\n#.......#\n#.......#\n#########")

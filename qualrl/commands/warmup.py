@@ -43,7 +43,7 @@ def warmup(
 
 def _compile(console: Console, everything: bool, seconds: COMPILED) -> None:
     """Go through maps, plans and every learner, in worlds as small as can be."""
-    from qualrl.api import build, plan, train
+    from qualrl.api import build, plan, train, why_unreachable
     from qualrl.io.scenario import load_scenario
     from qualrl.learning.online import Online
     from qualrl.learning.rules import RULES
@@ -76,6 +76,8 @@ def _compile(console: Console, everything: bool, seconds: COMPILED) -> None:
     with part("ways on the map"):
         Routes(regions).between(far, goal)
         Routes(regions).between(far, goal, exact=True)
+    with part("what is in the way"):
+        why_unreachable(worlds[0].with_closed(door.name for door in regions.doorways))
     for name in RULES:
         with part(name):
             for world, alpha in product(worlds, rates):

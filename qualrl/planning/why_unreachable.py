@@ -97,7 +97,8 @@ class WhyUnreachable:
         counts += [f"{doors} closed doorway{'' if doors == 1 else 's'}"] * (doors > 0)
         least = f"In the way at least: {' and '.join(counts)}"
         if len(self.crossings) == 1:
-            return [f"{least}, {self.crossings[0].where()}."]
+            (place,) = self.crossings
+            return [f"{least}, {'' if place.door is None else f'{place.door}, '}{place.where()}."]
         lines = [f"  {place.in_words()}" for place in self.crossings[:MOST_TOLD]]
         if len(self.crossings) > MOST_TOLD:
             lines.append(f"  {len(self.crossings) - MOST_TOLD:,} places more")
