@@ -1,4 +1,4 @@
-"""The verbs of the library: build, train, train_seeds, plan (read_map, segment and load_scenario live elsewhere).
+"""The verbs of the library: build, train, plan, questions to a plan (read_map, segment, load_scenario live elsewhere).
 
 What only one of them needs, or few of its calls, is imported there: each takes some of the first second.
 """

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from qualrl.planning.which_matters import WhichMatters
     from qualrl.planning.why import Why
     from qualrl.planning.why_not import WhyNot
+    from qualrl.planning.why_unreachable import WhyUnreachable
 
 
 def why(model: HybridMDP, at: str | None = None, start: PlaceLike | None = None) -> "Why":
@@ -135,3 +136,17 @@ def summary(model: HybridMDP) -> "Summary":
 
     check_type("summary", model, HybridMDP, "a HybridMDP, from qualrl.build")
     return answers.summary(model, goal_name(model))
+
+
+def why_unreachable(model: HybridMDP, start: PlaceLike | None = None) -> "WhyUnreachable":
+    """Why no way leads to the goal: what is in the way, and the nearest radius, threshold or doorway to open it.
+
+    The map's file is read again for its thresholds.  Where a way leads, the answer says so.  Raises SettingError for a
+    model without a map.
+    """
+    from qualrl.io.ros_thresholds import other_thresholds
+    from qualrl.planning import why_unreachable as answers
+
+    check_type("why_unreachable", model, HybridMDP, "a HybridMDP, from qualrl.build")
+    state, name = start_of(model, start)
+    return answers.why_unreachable(model, state, (name, goal_name(model)), other_thresholds)

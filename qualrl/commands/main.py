@@ -26,6 +26,7 @@ from qualrl.commands.what_if import what_if
 from qualrl.commands.which_matters import which_matters
 from qualrl.commands.why import why
 from qualrl.commands.why_not import why_not
+from qualrl.commands.why_unreachable import why_unreachable
 
 app = typer.Typer(
     name="qualrl",
@@ -62,6 +63,7 @@ for command, in_short in (
     (why_not, "Why the plan does not go by a place, and when it would."),
     (what_if, "What a closed door, an opened wall or another number changes."),
     (which_matters, "Which doorways and regions the plan hangs on."),
+    (why_unreachable, "What is in the way of the goal, and what would open it."),
     (reconcile, "The smallest change that would make an expected plan best."),
     (summary, "The best policy in a sentence a region, and exceptions."),
     (how_sure, "What was learned beside exact values, and how firm it is."),

@@ -1,7 +1,7 @@
 """What all questions to a plan share: a scenario's model, an answer in sentences, and its JSON twin."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Protocol, TypeVar
 
 import typer
 
@@ -24,16 +24,20 @@ class Answer(Protocol):
         """As JSON."""
 
 
-def answered(source: str, settings: list[str] | None, console: Console, ask: "Callable[[HybridMDP], Answer]") -> None:
-    """Build a scenario's model, ask it, and print the answer."""
+Kind = TypeVar("Kind", bound=Answer)
+
+
+def asked(
+    source: str, settings: list[str] | None, console: Console, ask: "Callable[[HybridMDP], Kind]"
+) -> "tuple[HybridMDP, Kind]":
+    """Build a scenario's model and ask it: both."""
     from qualrl.commands.inputs import scenario_of
 
     scenario = scenario_of(source, settings)
     with console.stage(PARSING):
         model = scenario.build()
     with console.stage("solving"):
-        answer = ask(model)
-    told(console, answer)
+        return model, ask(model)
 
 
 def listed(option: str, text: str) -> list[str]:
@@ -46,6 +50,11 @@ def listed(option: str, text: str) -> list[str]:
     return names
 
 
-def told(console: Console, answer: Answer) -> None:
+def told(answer: Answer, console: Console) -> None:
     """Print an answer."""
     console.result(answer.to_dict(), lambda: print(answer.explain()))
+
+
+def answered(source: str, settings: list[str] | None, console: Console, ask: "Callable[[HybridMDP], Answer]") -> None:
+    """Build a scenario's model, ask it, and print the answer."""
+    told(asked(source, settings, console, ask)[1], console)

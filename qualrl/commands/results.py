@@ -23,11 +23,12 @@ MAP_FILES = ("regions.png", "overlay.png", "graph.json", "graph.graphml", MODEL_
 LEARNING_FILES = (TRAINING_FILE, "learn.json", "learning_curve.png")
 GROWTH_FILE = "growth.png"
 PLAN_FILE = "plan.json"
+WHY_UNREACHABLE_FILES = ("why_unreachable.png", "why_unreachable.json")
 
 
 def result_folder(path: Path) -> OutputFolder:
     """A folder for results; what an earlier command left there of ours goes when the new results come."""
-    return OutputFolder(path, ours=(*MAP_FILES, *LEARNING_FILES, GROWTH_FILE, PLAN_FILE))
+    return OutputFolder(path, ours=(*MAP_FILES, *LEARNING_FILES, GROWTH_FILE, PLAN_FILE, *WHY_UNREACHABLE_FILES))
 
 
 def write_map_files(

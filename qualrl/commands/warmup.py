@@ -48,6 +48,7 @@ def _compile(console: Console, everything: bool, seconds: COMPILED) -> None:
     from qualrl.learning.online import Online
     from qualrl.learning.rules import RULES
     from qualrl.planning.routes import Routes
+    from qualrl.questions import why_unreachable
     from qualrl.spatial.segmentation import segment
 
     @contextmanager
@@ -73,9 +74,12 @@ def _compile(console: Console, everything: bool, seconds: COMPILED) -> None:
     with part("exact values"):
         for world in worlds:
             plan(world)
+            summary(world)
     with part("ways on the map"):
         Routes(regions).between(far, goal)
         Routes(regions).between(far, goal, exact=True)
+    with part("what is in the way"):
+        why_unreachable(worlds[0].with_closed(door.name for door in regions.doorways))
     for name in RULES:
         with part(name):
             for world, alpha in product(worlds, rates):

@@ -46,7 +46,7 @@ def what_if(
     with console.stage("solving"):
         pair = None if opened is None else _pair(opened)
         answer = questions.compared(before, after, start, tuple(asked), close=close or (), open=pair, chance=chance)
-    told(console, answer)
+    told(answer, console)
 
 
 def _on_same_map(settings: list[str]) -> bool:

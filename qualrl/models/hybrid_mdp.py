@@ -135,9 +135,10 @@ class HybridMDP:
     def check_reachable(self, state: int) -> None:
         """Raise NoPlanError when no way leads from a state to the goal."""
         if not self.can_reach[state]:
+            advice = "" if self.regions is None else "; 'qualrl why-unreachable' tells what is in the way"
             raise NoPlanError(
                 f"no way leads from {self.describe(state)} to the goal: it can be reached from "
-                f"{int(self.can_reach.sum())} of the {len(self)} states, and this is not one of them"
+                f"{int(self.can_reach.sum())} of the {len(self)} states, and this is not one of them{advice}"
             )
 
     def describe(self, state: int) -> str:

@@ -16,11 +16,12 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from qualrl.report import furniture, region_colours
+from qualrl.report import region_colours
 from qualrl.report.furniture import Entry
 from qualrl.report.lettering import DPI, SMALLEST_PX, Lettering, px
 from qualrl.report.name_places import Lettered, Room, place_beside, place_names
-from qualrl.report.sheet import Pixels, Sheet, Size, blank, default_size, drawn_window, em_of, lay_out
+from qualrl.report.page import Frame
+from qualrl.report.sheet import Pixels, Sheet, Size, drawn_window
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.region_map import Doorway, RegionMap
 
@@ -52,36 +53,11 @@ def overlay_figure(
 ) -> Figure:  # fmt: skip
     """The overlay as a figure whose units are pixels."""
     letters = Lettering([title, *regions.all_names])
-    window = drawn_window(regions, path)
-    around = size or default_size(*(side.stop - side.start for side in window))
-    em = em_of(*around)
-    lines = 1 if around[0] > 1000 else 2
-    head = 1.9 * em if title else 0.3 * em
-
-    def sheet_above(legend_rows: int) -> Sheet:
-        foot = (furniture.ROW_EM * max(legend_rows, 2) + 1.25 * lines + 0.5) * em
-        page = size or (around[0], around[1] + round(head + foot))
-        return lay_out(window, page, head, foot, em)
-
-    marks = _mark_sizes(regions, sheet_above(2))
-    legend = furniture.flow(_entries(regions, path, em, sorted(marks)), *_beside_scale(around, em), em, letters)
-    sheet = sheet_above(legend.rows)
-    figure, axes = blank((sheet.width, sheet.height))
-    caption = _draw_map(axes, regions, path, sheet, marks, letters)
-    below = sheet.height - sheet.foot
-    _draw_around(axes, regions, sheet, letters, legend, below)
-    if title:
-        _draw_title(axes, title, sheet, letters)
-    small = max(SMALLEST_PX, 0.8 * em)
-    under = below + furniture.ROW_EM * max(legend.rows, 2) * em
-    for row, line in enumerate(furniture.wrap(caption, small, sheet.width - 1.4 * em, lines, letters)):
-        letters.write(axes, 0.7 * em, under + (0.7 + 1.2 * row) * em, line, small, centred=False)
-    return figure
-
-
-def _beside_scale(size: Size, em: float) -> tuple[float, float]:
-    """From where to where the legend reaches: right of the longest scale bar, its text and the arrow."""
-    return furniture.BAR_SHARE * size[0] + 8.2 * em, size[0]
+    frame = Frame(drawn_window(regions, path), title, size, letters)
+    marks = _mark_sizes(regions, frame.sheet(2))
+    page = frame.page(_entries(regions, path, frame.em, sorted(marks)))
+    page.surround(regions.grid, _draw_map(page.axes, regions, path, page.sheet, marks, letters))
+    return page.figure
 
 
 def _draw_map(
@@ -176,20 +152,22 @@ def _draw_path(axes: Axes, path: Sequence[Cell], sheet: Sheet, room: Room) -> No
         return
     places = np.array([sheet.at(*cell) for cell in path])
     axes.plot(places[:, 0], places[:, 1], color=PATH, linewidth=px(0.2 * sheet.em), zorder=4.5)
-    for place, style in zip((places[:1], places[-1:]), (_start(sheet.em), _goal(sheet.em)), strict=True):
+    for place, style in zip((places[:1], places[-1:]), (start_style(sheet.em), goal_style(sheet.em)), strict=True):
         axes.plot(place[:, 0], place[:, 1], zorder=5, **style)
         room.mark(place, 0.75 * sheet.em, hard=True)
     room.mark_lines([places], 0.15 * sheet.em, hard=False)
 
 
-def _start(em: float) -> dict[str, Any]:
+def start_style(em: float) -> dict[str, Any]:
+    """How the start is marked."""
     return {
         "color": PATH, "marker": "o", "linestyle": "none", "markersize": px(0.9 * em), "markerfacecolor": "white",
         "markeredgewidth": px(0.2 * em),
     }  # fmt: skip
 
 
-def _goal(em: float) -> dict[str, Any]:
+def goal_style(em: float) -> dict[str, Any]:
+    """How the goal is marked."""
     return {
         "color": PATH, "marker": "*", "linestyle": "none", "markersize": px(1.5 * em), "markeredgecolor": "white",
         "markeredgewidth": px(0.06 * em),
@@ -241,7 +219,7 @@ def _entries(regions: RegionMap, path: Sequence[Cell], em: float, kinds: Sequenc
         )
     if path:
         entries.append(Entry("path", {"color": PATH, "linewidth": px(0.2 * em)}))
-        entries += [Entry("start", _start(em)), Entry("goal", _goal(em))]
+        entries += [Entry("start", start_style(em)), Entry("goal", goal_style(em))]
     square = {"marker": "s", "linestyle": "none", "markersize": px(0.9 * em), "markeredgewidth": px(1.0)}
     if any(region.kind == "pocket" for region in regions.regions):
         striped = {"fillstyle": "top", "markerfacecolor": "white", "markerfacecoloralt": region_colours.UNKNOWN}
@@ -252,23 +230,6 @@ def _entries(regions: RegionMap, path: Sequence[Cell], em: float, kinds: Sequenc
     if regions.grid.unknown_cells:
         entries.append(Entry("unknown", {"color": region_colours.UNKNOWN, **square}))
     return entries
-
-
-def _draw_around(
-    axes: Axes, regions: RegionMap, sheet: Sheet, letters: Lettering, legend: furniture.Legend, top: float
-) -> None:
-    """Scale bar, north arrow and legend, in the rows below the map."""
-    middle = top + furniture.ROW_EM * sheet.em
-    end = furniture.draw_scale(axes, sheet, regions.grid.resolution_m, middle, letters)
-    furniture.draw_north(axes, regions.grid, end + 1.9 * sheet.em, middle, sheet.em, letters)
-    furniture.draw_legend(
-        axes, legend, top + (0 if legend.rows > 1 else 0.5) * furniture.ROW_EM * sheet.em, sheet.em, letters
-    )
-
-
-def _draw_title(axes: Axes, title: str, sheet: Sheet, letters: Lettering) -> None:
-    text, size = letters.fitted(letters.writable(title), 1.1 * sheet.em, sheet.width - 1.4 * sheet.em)
-    letters.write(axes, 0.7 * sheet.em, 0.95 * sheet.em, text, size, centred=False)
 
 
 def _caption(regions: RegionMap, names: dict[int, Lettered], widths: int, letters: Lettering) -> list[str]:

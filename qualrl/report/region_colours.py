@@ -3,6 +3,9 @@
 H, W: rows, columns of the map.  Colours are sRGB; distances between them are CIE76 in Lab.
 """
 
+from collections.abc import Sequence
+from typing import Any
+
 import cv2
 import networkx as nx
 import numpy as np
@@ -27,20 +30,24 @@ Image = NDArray[np.uint8]
 
 def region_image(regions: RegionMap, window: tuple[slice, slice], height_px: int, width_px: int) -> Image:
     """(height_px, width_px, 3) a part of the map in colours; cells smaller than pixels are mixed."""
-    label = regions.label[window]
-    numbers = colour_numbers(regions, width_px / label.shape[1])
-    names = [*(POCKET if number is None else PALETTE[number] for number in numbers), *NOT_FREE]
-    table = np.array([np.multiply(to_rgb(name), 255).round() for name in names], np.uint8)
     index = colour_index(regions)[window]
-    shrinks = width_px < label.shape[1]
-    size = (width_px, height_px)
-    image = cv2.resize(table[index], size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_NEAREST_EXACT)
+    numbers = colour_numbers(regions, width_px / index.shape[1])
+    names = [*(POCKET if number is None else PALETTE[number] for number in numbers), *NOT_FREE]
+    image = painted(index, names, height_px, width_px)
     is_pocket = np.array([*(number is None for number in numbers), *(False for _ in NOT_FREE)])
     if is_pocket.any():
+        size = (width_px, height_px)
         rows, columns = np.indices((height_px, width_px), np.int32)
         pockets = cv2.resize(is_pocket[index].astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT) > 0
         image[pockets & ((rows + columns) % STRIPE_PX < STRIPE_PX // 3)] = np.multiply(to_rgb(UNKNOWN), 255)
-    return np.asarray(image, np.uint8)
+    return image
+
+
+def painted(index: NDArray[np.integer[Any]], names: Sequence[str], height_px: int, width_px: int) -> Image:
+    """(height_px, width_px, 3) cells by their colours' index in a list of names; smaller than pixels they are mixed."""
+    table = np.array([np.multiply(to_rgb(name), 255).round() for name in names], np.uint8)
+    way = cv2.INTER_AREA if width_px < index.shape[1] else cv2.INTER_NEAREST_EXACT
+    return np.asarray(cv2.resize(table[index], (width_px, height_px), interpolation=way), np.uint8)
 
 
 def colour_index(regions: RegionMap) -> NDArray[np.int32]:

@@ -67,13 +67,18 @@ def fitted(regions: RegionMap, radius_m: float) -> RegionMap:
     if radius_m == 0:
         return regions
     room = clearance(grid.free)
-    fits = grid.free & (room + SLACK >= radius_m / grid.resolution_m)
+    fits = has_room(room, radius_m / grid.resolution_m)
     if not fits.any():
         raise MapError(
             f"a robot with radius_m {radius_m:g} fits nowhere on {grid.source or 'the map'}: even the widest place "
-            f"leaves {_rounded_down(room.max() * grid.resolution_m):g} m to what is not free; give at most that"
+            f"leaves {rounded_down(room.max() * grid.resolution_m):g} m to what is not free; give at most that"
         )
     return cut_to(fits, regions, radius_m)
+
+
+def has_room(room: NDArray[np.float64], radius: float) -> Flags:
+    """(H, W) where a robot of that radius (in cells) fits with its centre, by the ``clearance`` of each cell."""
+    return (room > 0) & (room + SLACK >= radius)
 
 
 def cut_to(fits: Flags, regions: RegionMap, radius_m: float) -> RegionMap:
@@ -94,8 +99,8 @@ def cut_to(fits: Flags, regions: RegionMap, radius_m: float) -> RegionMap:
     return replace(left, lost=tuple(name for name in regions.all_names if name not in left.all_names))
 
 
-def _rounded_down(length_m: float) -> float:
-    """To four digits, so that what a message proposes is not too large after all."""
+def rounded_down(length_m: float) -> float:
+    """To four digits, so that what is proposed is not too large after all."""
     unit = 10.0 ** (math.floor(math.log10(length_m)) - 3)
     return math.floor(length_m / unit + SLACK) * unit
 
