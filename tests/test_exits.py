@@ -80,7 +80,7 @@ def ways_out(regions, goal):
         nearer = [to for to in graph[cell] if far[to] == far[cell] - 1]
         cost = {to: borders[to] + (label[to] != label[cell]) for to in nearer}
         borders[cell] = min(cost.values())
-        best = [to for to in nearer if cost[to] == borders[cell]]
+        best = [to for to in nearer if borders[to] == min(borders[near] for near in nearer)]  # as the planner looks on
         assume(not any(label[to] != label[cell] and label[cell] in ahead[to] for to in best))
         ahead[cell] = {label[cell]}.union(*(ahead[to] for to in best))
         doors[cell] = {
