@@ -41,14 +41,18 @@ class Training(LearningRun):
         state, name = start_of(self.model, start)
         return plan_from_run(self, state, (name, goal_name(self.model)))
 
-    def how_sure(self, start: PlaceLike | None = None) -> "HowSure":
+    def how_sure(self, start: PlaceLike | None = None, *, count: bool = False) -> "HowSure":
         """What was learned beside exact values, and whether the order of the two best actions is settled.
 
-        Raises NoPlanError when no way leads from the start (by default the model's own) to the goal.
+        count: learn once more, with the same seed, to count visits where the learner did not.
+        Raises NoPlanError when no way leads from the start (by default the model's own) to the goal, and SettingError
+        where visits cannot be counted.
         """
+        from qualrl.learning.counting import visits_again
         from qualrl.planning.how_sure import how_sure
 
-        return how_sure(self, *start_of(self.model, start))
+        counted = replace(self, visits=visits_again(self)) if count and self.visits is None else self
+        return how_sure(counted, *start_of(self.model, start))
 
 
 def build(

@@ -62,7 +62,7 @@ def test_exits_are_those_of_the_plans_on_a_map_with_a_loop(slip, directions):
 def ways_out(regions, goal):
     """{cell: doors} by which some shortest way of fewest borders leaves a cell's region, by dictionaries alone.
 
-    Excursions over a border are not looked at: maps where one would matter are of no use here.
+    Excursions over a border are not looked at: maps where such a way comes back to a region are of no use here.
     """
     graph = oracles.GridTwin(regions.grid.free, goal).graph()
     label = {cell: int(regions.label[cell]) for cell in graph}
@@ -75,12 +75,14 @@ def ways_out(regions, goal):
     far, edge = {goal: 0}, [goal]
     while edge:
         edge = [to for cell in edge for to in graph[cell] if far.setdefault(to, far[cell] + 1) == far[cell] + 1]
-    borders, doors = {goal: 0}, {goal: {GOAL_HERE}}
+    borders, doors, ahead = {goal: 0}, {goal: {GOAL_HERE}}, {goal: {label[goal]}}
     for cell in sorted(far, key=far.get)[1:]:
         nearer = [to for to in graph[cell] if far[to] == far[cell] - 1]
         cost = {to: borders[to] + (label[to] != label[cell]) for to in nearer}
         borders[cell] = min(cost.values())
-        best = [to for to in nearer if cost[to] == borders[cell]]
+        best = [to for to in nearer if borders[to] == min(borders[near] for near in nearer)]  # as the planner looks on
+        assume(not any(label[to] != label[cell] and label[cell] in ahead[to] for to in best))
+        ahead[cell] = {label[cell]}.union(*(ahead[to] for to in best))
         doors[cell] = {
             door for to in best for door in (doors[to] if label[to] == label[cell] else door_at[frozenset((cell, to))])
         }

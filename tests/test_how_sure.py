@@ -11,6 +11,8 @@ import qualrl
 from qualrl.commands.learned import model_in, training_in
 from qualrl.errors import MapError, NoPlanError, ScenarioError, SettingError
 from qualrl.kernels import stepping
+from qualrl.learning.changes import Change
+from qualrl.learning.counting import visits_again
 from qualrl.learning.settings import LearnSettings
 from qualrl.learning.trainer import start_learner
 from qualrl.models.tabular_mdp import TabularMDP
@@ -152,6 +154,29 @@ def test_visits_are_those_counted_step_by_step(algorithm, alpha):
         learner.advance(1)
     np.testing.assert_array_equal(run.visits.sum(axis=1), left)
     assert run.visits.sum() == run.total_steps
+
+
+@pytest.mark.parametrize("algorithm", ["q-learning", "hql", "sarsa", "q-lambda", "td"])
+def test_visits_counted_afterwards_are_those_of_the_same_run(algorithm):
+    model = model_of(TWO_ROOMS, slip=0.1, goal=(2, 15), start=(4, 2))
+    run = qualrl.train(model, algorithm, seed=5, alpha=0.3, episodes=8)
+    assert run.visits is None
+    assert not run.how_sure().counts
+    visits = visits_again(run)
+    assert visits.sum() == run.total_steps
+    np.testing.assert_array_equal(visits > 0, run.q != 0)
+    answer = run.how_sure(count=True)
+    assert answer.counts
+    assert answer.whole.fewest_visits == visits.sum(axis=1)[visits.any(axis=1)].min()
+
+
+def test_visits_of_runs_that_do_not_come_out_the_same_are_not_made_up():
+    model = model_of()
+    changed = qualrl.train(model, "q-learning", episodes=20, changes=[Change(10, "door 1")])
+    with pytest.raises(SettingError, match="gave other values"):
+        changed.how_sure(count=True)
+    with pytest.raises(SettingError, match="no visits to count"):
+        qualrl.train(model, "option-q", episodes=5).how_sure(count=True)
 
 
 def test_a_learner_of_a_policy_has_values_but_no_order():

@@ -14,6 +14,9 @@ from qualrl.commands.questions import From
 def how_sure(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that run or learn wrote.")],
     start: From = None,
+    count: Annotated[
+        bool, typer.Option("--count", help="Learn once more, to count visits, where the learner did not.")
+    ] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -30,5 +33,5 @@ def how_sure(
         training = training_in(folder, model_in(folder))
     with console.stage("solving exactly, to compare"):
         begin = farthest_start(training.model) if start is None and training.model.start is None else start
-        answer = training.how_sure(begin)
+        answer = training.how_sure(begin, count=count)
     console.result(answer.to_dict(), lambda: print(answer.explain()))

@@ -109,6 +109,11 @@ def visits_of(alpha: float | str, rows: int) -> tuple[stepping.Visits | None, fl
     return stepping.Visits(np.zeros(rows, np.uint32), schedule.table()), 0.0
 
 
+def counting(visits: stepping.Visits | None, alpha: float, rows: int) -> stepping.Visits:
+    """The same learning rate, of which each use is counted."""
+    return stepping.Visits(np.zeros(rows, np.uint32), np.array([alpha])) if visits is None else visits
+
+
 def tried(visits: stepping.Visits | None, n_states: int) -> NDArray[np.uint32] | None:
     """(S, A) how often each action was tried, where the learning rate of each action counts that; else None."""
     return None if visits is None else visits.counts.reshape(n_states, -1).copy()

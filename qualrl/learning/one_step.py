@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from qualrl.kernels import learning as kernel
 from qualrl.kernels import stepping
-from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world, rewired, tried, visits_of
+from qualrl.learning.learner import NO_LIMIT, Learned, counting, fresh_progress, kernel_world, rewired, tried, visits_of
 from qualrl.learning.levels_anew import same_landmarks, upper_anew
 from qualrl.learning.policy import policy_actions
 from qualrl.learning.rules import LearningRule
@@ -58,6 +58,10 @@ class OneStepLearner:
         """See Exploring.  States are told by their values: one whose updates came to exactly 0 is missed."""
         found: NDArray[np.bool_] = (self._q.reshape(len(self.model), -1) != 0).any(axis=1)
         return found
+
+    def count_visits(self) -> None:
+        """See Counting."""
+        self._visits = counting(self._visits, self._rates.alpha, len(self._q))
 
     def learned(self) -> Learned:
         """See Learner."""

@@ -125,7 +125,7 @@ class HowSure:
                 "one that is not settled is not wrong, but errors of that size could turn it."
             )
         if not self.counts:
-            lines.append("Visits were not counted: a state counts as visited once one of its values was changed.")
+            lines.append("Visits were not counted: a state is said to be visited if one of its values has changed.")
         if self.limit != FLAT:
             lines.append(f"What its values tend to: {self.limit}.")
         lines.append("This is one run: how far runs with other seeds would differ is not known from it.")
