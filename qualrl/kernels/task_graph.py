@@ -342,3 +342,34 @@ def run_steps(
     left_off(progress, r0, r1, r2, r3, s, t, episode, total)
     progress.whole[DEPTH] = depth
     return done
+
+
+@compiled_bare
+def poll(graph: Any, own: Any, outer: Any, value: Any, actions: Any, begins: Any, polled: Any) -> None:
+    """Work out V of every task in every state, and what each move is worth: the best greedy way that begins with it.
+
+    value is updated; polled (S, A) is written: -inf where no way begins so, 0 where nothing may be called.
+    begins: room for the move that each task begins with in a state, as long as the longest row of values.
+    """
+    n_actions = len(actions)
+    for a in range(n_actions):
+        begins[a] = a
+    for s in range(len(polled)):
+        spot = _spot(graph, s)
+        _settle(graph, own, outer, value, spot, n_actions)
+        tasks = uint64(graph.order_start[spot.kind])
+        for x in range(uint64(graph.order_start[spot.kind + uint64(1)]) - tasks):
+            _, _, slot, _ = _best(graph, own, value, spot, spot.tasks + uint64(graph.order[tasks + uint64(x)]))
+            begins[uint64(n_actions) + uint64(x)] = begins[slot]
+        polled[s] = -np.inf
+        found = -np.inf
+        seen = own
+        if outer is not None:
+            seen = outer
+        for e in range(uint64(graph.begin[spot.tasks]), uint64(graph.end[spot.tasks])):
+            slot = uint64(graph.slot[uint64(graph.child_start[spot.kind]) + e])
+            worth = value[spot.at + slot] + seen[spot.row + e]
+            polled[s, begins[slot]] = max(polled[s, begins[slot]], worth)
+            found = max(found, worth)
+        if found == -np.inf:
+            polled[s] = 0.0

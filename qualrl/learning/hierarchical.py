@@ -149,10 +149,12 @@ class MaxqLearner:
         moves = len(model) * model.world.n_actions
         self._value = np.full(moves + np.diff(order_start)[self.graph.kind_of].sum(), np.nan)
         self._value[self._value_first[:, None] + np.arange(model.world.n_actions)] = 0.0
+        self._is_settled = False
         self._visits, self._rates = _rates(model, settings, self.own.size + moves)
 
     def advance(self, n_steps: int) -> int:
         """See Learner."""
+        self._is_settled = False
         made: int = graph_kernel.run_steps(
             *self._world, self._graph, self._pseudo, self._calls, self._visits, self._rates, self._actions,
             self.model.starts, self.own, self.outer, self._value, self.progress, n_steps,
@@ -161,8 +163,15 @@ class MaxqLearner:
 
     def learned(self) -> Learned:
         """See Learner."""
-        polled = polling.of_graph(self.graph, self._seen, self.own, self.move_value)
-        return Learned(polling.keep_to_choices(polled, self.model, self.greedy_step))
+        return Learned(polling.keep_to_choices(self._poll(), self.model, self.greedy_step))
+
+    def _poll(self) -> NDArray[np.float64]:
+        """What ``kernels.task_graph.poll`` finds; from then on V of every task is known in every state."""
+        polled = np.empty((len(self.model), len(self._actions)))
+        begins = np.empty(len(self._actions) + len(self.graph), np.int64)
+        graph_kernel.poll(self._graph, self.own, self.outer, self._value, self._actions, begins, polled)
+        self._is_settled = True
+        return polled
 
     @property
     def move_value(self) -> NDArray[np.float64]:
@@ -170,30 +179,27 @@ class MaxqLearner:
         found: NDArray[np.float64] = self._value[self._value_first[:, None] + np.arange(self.model.world.n_actions)]
         return found
 
-    @property
-    def _seen(self) -> NDArray[np.float64]:
-        """(W,) completions as others see them."""
-        return self.own if self.outer is None else self.outer
-
     def value_of(self, state: int, call: int) -> float:
         """V of what an entry of a state's row calls."""
-        graph, kind, row = self.graph, self.graph.kind_of[state], self.graph.first[state]
-        child = int(graph.child[graph.child_start[kind] + call])
-        if child < graph.n_actions:
-            return float(self._value[self._value_first[state] + child])
-        task = child - graph.n_actions
-        calls = range(graph.begin[kind, task], graph.end[kind, task])
-        worth = {below: self.value_of(state, below) for below in calls}
-        best = max(worth, key=lambda below: worth[below] + self.own[row + below], default=None)
-        return -np.inf if best is None else float(worth[best] + self._seen[row + best])
+        return float(self._values(state, call, call + 1)[0])
+
+    def _values(self, state: int, begin: int, end: int) -> NDArray[np.float64]:
+        """V of what some entries of a state's row call."""
+        if not self._is_settled:
+            self._poll()
+        start = self.graph.child_start[self.graph.kind_of[state]]
+        found: NDArray[np.float64] = self._value[
+            self._value_first[state] + self._graph.slot[start + begin : start + end]
+        ]
+        return found
 
     def greedy_step(self, state: int, running: tuple[int, ...] | None) -> tuple[tuple[int, ...], int, bool]:
         """The greedy step: (tasks that run now below the root, move, whether the first was chosen just now)."""
         graph, kind, row = self.graph, self.graph.kind_of[state], self.graph.first[state]
 
         def values(task: int) -> NDArray[np.float64]:
-            calls = range(graph.begin[kind, task], graph.end[kind, task])
-            return np.array([self.value_of(state, call) + self.own[row + call] for call in calls])
+            begin, end = graph.begin[kind, task], graph.end[kind, task]
+            return self._values(state, begin, end) + self.own[row + begin : row + end]
 
         stack = list(running or ())
         while stack and values(stack[-1]).max(initial=-np.inf) == -np.inf:

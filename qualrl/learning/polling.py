@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from qualrl.kernels.tasks import NONE
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.models.landmark_ways import LandmarkWays, likely_targets, terminal_states
-from qualrl.models.task_graph import TaskGraph
 
 Floats = NDArray[np.float64]
 TIE = 1e-9
@@ -59,18 +58,6 @@ def of_winners(ways: LandmarkWays, first: NDArray[np.int64], values: Floats) -> 
     return polled
 
 
-def of_graph(graph: TaskGraph, outer: Floats, inner: Floats, move_value: Floats) -> Floats:
-    """When each task makes the call that its own completions, ``inner``, say is best."""
-    polled = np.full(move_value.shape, -np.inf)
-    for kind in range(len(graph.begin)):
-        states = np.flatnonzero(graph.kind_of == kind)
-        for call in range(graph.begin[kind, 0], graph.end[kind, 0]):
-            value, move = of_call(graph, kind, call, states, outer, inner, move_value)
-            np.maximum.at(polled, (states, move), value + outer[graph.first[states] + call])
-    polled[polled.max(axis=1) == -np.inf] = 0.0  # terminal states: nothing is open there
-    return polled
-
-
 def keep_to_choices(
     polled: Floats, model: HybridMDP, step: Callable[[int, Running | None], tuple[Running | None, int, bool]]
 ) -> Floats:
@@ -96,26 +83,6 @@ def keep_to_choices(
         polled[state, as_good] = value - TIE * abs(value)
         state = int(likely[state, move])
     return polled
-
-
-def of_call(
-    graph: TaskGraph, kind: int, call: int, states: NDArray[np.int64], outer: Floats, inner: Floats, move_value: Floats
-) -> tuple[Floats, NDArray[np.int64]]:
-    """(value of what an entry calls, the move it begins with) in each state of a kind."""
-    child = int(graph.child[graph.child_start[kind] + call])
-    if child < graph.n_actions:
-        return move_value[states, child], np.full(len(states), child)
-    best, seen = np.full(len(states), -np.inf), np.full(len(states), -np.inf)
-    first_move = np.zeros(len(states), np.int64)
-    task = child - graph.n_actions
-    for below in range(graph.begin[kind, task], graph.end[kind, task]):
-        value, move = of_call(graph, kind, below, states, outer, inner, move_value)
-        entry = graph.first[states] + below
-        by = value + inner[entry]
-        better = by > best
-        best[better], first_move[better] = by[better], move[better]
-        seen[better] = (value + outer[entry])[better]
-    return seen, first_move
 
 
 def _nothing(ways: LandmarkWays) -> Floats:
