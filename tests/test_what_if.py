@@ -121,11 +121,9 @@ def test_closing_a_doorway_does_what_closing_it_by_hand_does(start, goal, door):
 
 
 def crossed(model, path):
-    """The doorways that a path over cells passes."""
-    steps = {frozenset(ends) for ends in pairwise(path)}
-    return [
-        door.name for door in REGIONS.doorways if any(frozenset(ends) in steps for ends in crossings_of(REGIONS, door))
-    ]
+    """The doorways that a path over cells passes, in its order."""
+    door_of = {frozenset(ends): door.name for door in REGIONS.doorways for ends in crossings_of(REGIONS, door)}
+    return [door_of[frozenset(ends)] for ends in pairwise(path) if frozenset(ends) in door_of]
 
 
 @settings(deadline=None, max_examples=40)
@@ -202,6 +200,27 @@ def steps_between(regions):
 
 def doors_between(regions):
     return {frozenset(ends) for door in regions.doorways for ends in crossings_of(regions, door)}
+
+
+def test_the_cells_that_are_left_otherwise_are_those_whose_plans_leave_by_another_doorway():
+    model = qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=0.97)
+    door = qualrl.questions.what_if(model, slip=0.0).before.doors[0]
+    changed = model.with_closed([door])
+    expected: dict[str, int] = {}
+    for cell in CELLS:
+        if cell != (2, 24):
+            ways = [crossed(of, qualrl.plan(of, start=list(cell)).path) for of in (model, changed)]
+            if first_or_none(ways[0]) != first_or_none(ways[1]):
+                name = REGIONS.region_names[REGIONS.label[cell]]
+                expected[name] = expected.get(name, 0) + 1
+    answer = qualrl.questions.what_if(model, close=door)
+    assert {turned.region: turned.cells for turned in answer.turned} == expected
+    assert expected
+    assert sum(turned.of for turned in answer.turned) <= len(CELLS)
+
+
+def first_or_none(doors):
+    return doors[0] if doors else None
 
 
 def test_a_wall_is_opened_where_the_way_is_best():

@@ -4,19 +4,23 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from qualrl.errors import SettingError
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.changed_model import with_numbers
+from qualrl.planning.exits import ASTRAY, exits
 from qualrl.planning.planner import exact_walk
 from qualrl.planning.trying import Trying, trying
 from qualrl.planning.ways import Way, course, more, way_of
 from qualrl.qualitative.plan_value import Contrast, contrast
-from qualrl.solving.exact import exact_values
+from qualrl.solving.exact import ExactValues, exact_values
 
 NUMBERS = ("gamma", "slip", "step_reward", "goal_reward")
 """Numbers of a world that may be changed little by little."""
+MOST_NAMED = 3
+"""So many regions are named; JSON has all."""
 HALVINGS = 14
 """An interval becomes 16,384 times as narrow."""
 
@@ -42,6 +46,20 @@ class Switch:
 
 
 @dataclass(frozen=True)
+class Turned:
+    """How many cells of a region are left by another doorway than before."""
+
+    region: str
+    cells: int
+    of: int
+    """Cells of the region."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON."""
+        return {"region": self.region, "cells": self.cells, "of": self.of}
+
+
+@dataclass(frozen=True)
 class WhatIf:
     """The answer; everything that its sentences say stands in its fields."""
 
@@ -51,6 +69,8 @@ class WhatIf:
     before: Way
     after: Way | None
     """None where no way leads to the goal any more."""
+    turned: tuple[Turned, ...]
+    """Regions from some cells of which the best way leaves by another doorway, most cells first."""
     trying: Trying | None
     """Whether to try the closed doorways when they may be open; None where the best way passes none of them."""
     switch: Switch | None
@@ -69,6 +89,7 @@ class WhatIf:
             f"Now from {self.start} to {self.goal}: {self.before.in_words()}, worth {self.before.value:.6g}.",
             self._after_in_words(),
         ]
+        lines.append(self._turned_in_words())
         if self.trying is not None:
             lines += self.trying.sentences()
         if self.switch is not None:
@@ -91,11 +112,22 @@ class WhatIf:
         )
         return f"With {changes}: {self.after.in_words()}, worth {self.after.value:.6g}, {worth}; {longer}."
 
+    def _turned_in_words(self) -> str:
+        if not self.turned:
+            return "From every cell the best way leaves its region as before."
+        cells = sum(turned.cells for turned in self.turned)
+        told = [f"{turned.cells} of {turned.of} in {turned.region}" for turned in self.turned[:MOST_NAMED]]
+        if len(self.turned) > MOST_NAMED:
+            told.append(f"{sum(turned.cells for turned in self.turned[MOST_NAMED:])} elsewhere")
+        from_cells = "1 cell" if cells == 1 else f"{cells} cells"
+        return f"From {from_cells} the best way leaves its region otherwise than before: {', '.join(told)}."
+
     def to_dict(self) -> dict[str, Any]:
         """The JSON twin of ``explain``, with the formulas and the certificates."""
         return {
             "question": "what-if", "from": self.start, "to": self.goal, "changes": list(self.changes),
             "before": self.before.to_dict(), "after": None if self.after is None else self.after.to_dict(),
+            "turned": [turned.to_dict() for turned in self.turned],
             "trying": None if self.trying is None else self.trying.to_dict(),
             "switch": None if self.switch is None else self.switch.to_dict(),
             "contrast": None if self.contrast is None else self.contrast.to_dict("before", "after"),
@@ -118,9 +150,10 @@ def what_if(
     exact = exact_values(before.world)
     walk = exact_walk(before, exact, starts[0])
     way = way_of(before, [walk], float(exact.value[starts[0]]))
-    if not after.can_reach[starts[1]]:
-        return WhatIf(*names, changes, way, None, None, None, None)
     exact_after = exact_values(after.world)
+    turned = _turned(before, after, exact, exact_after)
+    if not after.can_reach[starts[1]]:
+        return WhatIf(*names, changes, way, None, turned, None, None, None)
     walk_after = exact_walk(after, exact_after, starts[1])
     way_after = way_of(after, [walk_after], float(exact_after.value[starts[1]]))
     number = _number_changed(before.grid, after.grid)
@@ -128,9 +161,30 @@ def what_if(
     if number == "gamma" and before.grid.slip == 0 and _course_of(way) != _course_of(way_after):
         compared = contrast(course(before, walk), course(after, walk_after))
     return WhatIf(
-        *names, changes, way, way_after, trying(before, after, walk, walk_after, exact_after, chance),
+        *names, changes, way, way_after, turned, trying(before, after, walk, walk_after, exact_after, chance),
         None if number is None else _switch(before, starts[0], number, getattr(after.grid, number), way), compared,
     )  # fmt: skip
+
+
+def _turned(before: HybridMDP, after: HybridMDP, exact: ExactValues, exact_after: ExactValues) -> tuple[Turned, ...]:
+    """Regions whose cells, those that are on both maps, are left otherwise; () for maps of different size."""
+    if before.grid.free.shape != after.grid.free.shape:
+        return ()
+    first, second = _exit_names(before, exact), _exit_names(after, exact_after)
+    both = before.grid.free & after.grid.free
+    here, there = before.grid.state_of[both], after.grid.state_of[both]
+    changed = here[first[here] != second[there]]
+    cells = np.bincount(before.region_of[changed], minlength=len(before.region_names))
+    of = np.bincount(before.region_of, minlength=len(before.region_names))
+    order = np.argsort(-cells, kind="stable")[: np.count_nonzero(cells)]
+    return tuple(Turned(before.region_names[at], int(cells[at]), int(of[at])) for at in order.tolist())
+
+
+def _exit_names(model: HybridMDP, exact: ExactValues) -> NDArray[np.str_]:
+    """(S,) the doorway by which the best way leaves the region, or that it does not, or that there is none."""
+    assert model.regions is not None
+    names = ["values fade", "no way", "goal here", *(door.name for door in model.regions.doorways)]
+    return np.array(names)[exits(model, model.regions, exact) - ASTRAY]
 
 
 def _number_changed(before: GridWorld, after: GridWorld) -> str | None:
