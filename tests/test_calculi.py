@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from qualrl.errors import UnknownNameError
 from qualrl.qualitative.calculus import CALCULI, algebraic_closure, calculus, calculus_of
 from qualrl.training.calculi import generated, main
+from tests.oracles_relations import rcc8
 
 PUBLISHED = {"point": (3, 13), "cardinal": (9, 169), "allen": (13, 409), "rcc8": (8, 193)}
 
@@ -36,20 +37,6 @@ def allen(a, b):
     }  # fmt: skip
     (name,) = [name for name, holds in rules.items() if holds]
     return name
-
-
-def rcc8(a, b):
-    """Of sets of cells (row, column) of an endless plane, each cell with its border."""
-    near = {(r + i, c + j) for r, c in a for i in (-1, 0, 1) for j in (-1, 0, 1)}
-    if a == b:
-        return "EQ"
-    if not a & b:
-        return "EC" if near & b else "DC"
-    if a < b:
-        return "NTPP" if near <= b else "TPP"
-    if b < a:
-        return {"TPP": "TPPi", "NTPP": "NTPPi"}[rcc8(b, a)]
-    return "PO"
 
 
 NUMBERS = st.integers(0, 5)
