@@ -13,9 +13,10 @@ import qualrl
 from qualrl.errors import UnknownNameError
 from qualrl.planning.describe import MOST_LINES, describe, walk_between
 from qualrl.planning.on_the_way import REACH_M, Mark, QuantitySpace, turned
+from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.region_map import Region, RegionMap
-from qualrl.spatial.relations import DistanceCuts, Relations
+from qualrl.spatial.relations import Relations
 from qualrl.spatial.zones import Zone
 from tests.test_commands import draw
 from tests.test_commands import qualrl as qualrl_command

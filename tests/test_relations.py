@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 import qualrl
 from qualrl.errors import PlaceError, SettingError, UnknownNameError
+from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.region_map import Region, RegionMap
-from qualrl.spatial.relations import TILES, DistanceCuts, Relations
+from qualrl.spatial.relations import TILES, Relations
 from qualrl.spatial.topology import rcc8
 from qualrl.spatial.zones import Zone, zone_of_cells, zone_within
 from tests import oracles_relations as oracles

@@ -21,15 +21,14 @@ def describe(
     debug: Debug = False,
 ) -> None:
     """Say how the regions of a map lie to each other, or how a walker gets from one place to another."""
-    from qualrl.commands.inputs import regions_of
+    from qualrl.commands.inputs import relations_of
     from qualrl.errors import SettingError
     from qualrl.planning import describe as questions
-    from qualrl.spatial.relations import DistanceCuts
 
     if (start is None) != (goal is None) or (of is not None and goal is not None):
         raise SettingError("say either --of NAME, or both --from PLACE and --to PLACE, or none of them")
     console = Console(as_json, quiet)
-    regions = regions_of(console, source, resolution_m, robot_radius_m)
+    relations, cuts = relations_of(console, source, resolution_m, robot_radius_m)
     ends = None if start is None or goal is None else (start, goal)
-    answer = questions.describe(regions.relations, DistanceCuts(), of, ends)
+    answer = questions.describe(relations, cuts, of, ends)
     console.result(answer.to_dict(), lambda: print(answer.explain()))

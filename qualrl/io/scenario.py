@@ -29,12 +29,14 @@ from qualrl.io.positioned_yaml import KeyPath, PositionedYaml, parse_yaml, read_
 from qualrl.io.scenario_errors import dotted, explained
 from qualrl.io.scenario_learn import LearnSettings, Strict, whole
 from qualrl.io.scenario_world import ChangeSetting, OnlineSettings, changes_of
+from qualrl.io.scenario_zones import DistanceSettings, ZoneField, zone_on
 from qualrl.spatial.place import MOST_CHARACTERS, Place, PlaceCell, PlaceMetres, PlaceName, read_place
 
 if TYPE_CHECKING:  # what builds models is heavy, and loads when a model is built
     from qualrl.learning.changes import Change
     from qualrl.models.hybrid_mdp import HybridMDP
     from qualrl.spatial.region_map import RegionMap
+    from qualrl.spatial.relations import Relations
 
 
 NO_OPTIONS: Mapping[str, str] = MappingProxyType({})
@@ -137,11 +139,15 @@ class Scenario(Strict):
     online: OnlineSettings | None = Field(
         default=None, description="for a robot that does not know the map; null = it does"
     )
+    zones: dict[Name, ZoneField] = Field(
+        default={}, description="parts of the map, name: [[x, y], ...] in metres or {image: FILE}"
+    )
+    distance: DistanceSettings = Field(default=DistanceSettings(), description="what near and far mean")
     made_with: MadeWith | None = Field(default=None, description="what a result was made with")
 
     _path: Path | None = PrivateAttr(None)
     _asked: dict[str, str] = PrivateAttr(default_factory=dict)
-    _stood: dict[str, tuple[int, int]] = PrivateAttr(default_factory=dict)
+    _stood: dict[KeyPath, tuple[int, int]] = PrivateAttr(default_factory=dict)
 
     @property
     def path(self) -> Path | None:
@@ -151,8 +157,12 @@ class Scenario(Strict):
     @property
     def map_path(self) -> Path:
         """Where the map lies: relative to the scenario's file, or to the current folder without one."""
-        folder = Path() if self._path is None else self._path.parent
-        return Path(os.path.normpath(folder / self.map))
+        return Path(os.path.normpath(self.folder / self.map))
+
+    @property
+    def folder(self) -> Path:
+        """What the names of files are relative to."""
+        return Path() if self._path is None else self._path.parent
 
     def regions(self) -> "RegionMap":
         """The map, read, cut into regions, renamed as ``names`` says and marked as ``landmarks`` says."""
@@ -212,12 +222,29 @@ class Scenario(Strict):
         self._check_changes(model)
         return model
 
-    def _where(self, key: str) -> str:
-        """Where a key was set: in the file, or on the command line."""
+    def relations(self, regions: "RegionMap") -> "Relations":
+        """How the regions of its map lie to each other and to its zones."""
+        from qualrl.spatial.relations import Relations
+
+        zones = []
+        for name, drawn in self.zones.items():
+            if name in (*regions.all_names, *regions.lost):
+                raise ScenarioError(
+                    f"{self._where('zones', name)}: a place of the map is called so; choose another name"
+                )
+            try:
+                zones.append(zone_on(regions.grid, name, drawn, self.folder))
+            except PlaceError as problem:
+                raise PlaceError(f"{self._where('zones', name)}: {problem}") from None
+        return Relations(regions, zones)
+
+    def _where(self, *path: str | int) -> str:
+        """Where a key, or one of its items, was set: in the file, or on the command line."""
+        key = str(path[0])
         if key in self._asked or not self.path:
-            return self._asked.get(key, key)
-        line, column = self._stood.get(key, (0, 0))
-        return f"{self.path}:{line}:{column}: {key}" if line else f"{self.path}: {key}"
+            return self._asked.get(key, dotted(path))
+        line, column = self._stood.get(path, (0, 0))
+        return f"{self.path}:{line}:{column}: {dotted(path)}" if line else f"{self.path}: {dotted(path)}"
 
     def door_changes(self) -> "tuple[Change, ...]":
         """The changes of the world, as ``qualrl.train`` takes them."""
@@ -274,7 +301,7 @@ def load_scenario(path: str | Path) -> Scenario:
     content = read_yaml(file, what="scenario", error=ScenarioError)
     scenario = _checked(content)
     scenario._path = file
-    scenario._stood = {str(path[0]): at for path, at in content.value_at.items() if len(path) == 1}
+    scenario._stood = {path: at for path, at in content.value_at.items() if len(path) in (1, 2)}
     return scenario
 
 
@@ -325,8 +352,8 @@ def _read_setting(setting: str) -> tuple[str, KeyPath, object]:
     key = key.strip()
     if not equals or not key:
         raise ScenarioError(f"--set {dotted((setting,))}: expected KEY=VALUE, for example learn.alpha=0.1")
-    section, _, rest = key.partition(".")  # what stands in names or landmarks is a name, dots and all
-    path = (section, rest) if section in ("names", "landmarks") and rest else tuple(key.split("."))
+    section, _, rest = key.partition(".")  # what stands in these sections is a name, dots and all
+    path = (section, rest) if section in ("names", "landmarks", "zones") and rest else tuple(key.split("."))
     return key, path, parse_yaml(text, f"--set {dotted((key,))}", error=ScenarioError).data
 
 

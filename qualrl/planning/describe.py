@@ -10,8 +10,9 @@ from typing import Any
 
 from qualrl.planning.on_the_way import Passage, QuantitySpace, landmarks_passed, passages
 from qualrl.planning.routes import Route, Routes
+from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.region_map import CENTRE, RegionMap
-from qualrl.spatial.relations import DistanceCuts, Relations
+from qualrl.spatial.relations import Relations
 from qualrl.spatial.topology import RCC8_WORDS
 
 MOST_LINES = 40

@@ -7,13 +7,12 @@ P places, R regions.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.errors import SettingError, UnknownNameError, did_you_mean
+from qualrl.errors import UnknownNameError, did_you_mean
 from qualrl.kernels import labels, routing
 from qualrl.kernels.tiles import tile_counts
 from qualrl.spatial.occupancy_grid import Cell
@@ -27,26 +26,6 @@ DIGITS = 6
 """Coordinates are rounded to so many, far below a cell, since turning leaves errors in the last digits."""
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class DistanceCuts:
-    """Where a walking distance in metres stops being near, and begins to be far."""
-
-    near_m: float = 10.0
-    far_m: float = 25.0
-
-    def __post_init__(self) -> None:
-        if not 0 < self.near_m < self.far_m < math.inf:
-            raise SettingError(f"near_m must be above 0 and below far_m, got near_m {self.near_m}, far_m {self.far_m}")
-
-    def name(self, distance_m: float) -> str:
-        """The class: "near" (up to near_m), "medium" (up to far_m), or "far" (beyond, or where no way leads).
-
-        >>> DistanceCuts().name(10), DistanceCuts().name(math.inf)
-        ('near', 'far')
-        """
-        return "near" if distance_m <= self.near_m else "medium" if distance_m <= self.far_m else "far"
 
 
 class Relations:
