@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from qualrl.api import Training, build, plan, train, train_seeds, which_matters, why_not
+    from qualrl.api import Training, build, check, plan, train, train_seeds, which_matters, why_not
     from qualrl.errors import QualrlError
     from qualrl.io.read_map import read_map
     from qualrl.io.scenario import Scenario, load_scenario
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Training": "api",
     "build": "api",
+    "check": "api",
     "plan": "api",
     "train": "api",
     "train_seeds": "api",
@@ -62,6 +63,7 @@ __all__ = [
     "Training",
     "__version__",
     "build",
+    "check",
     "load_scenario",
     "plan",
     "read_map",

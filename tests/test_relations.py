@@ -126,13 +126,14 @@ COORDINATES = st.sampled_from([-2.0, -0.3, 0.2, 0.75, 1.3, 2.45, 3.1, 9.0])
 def test_zones_are_the_cells_whose_centres_lie_inside_a_polygon(corners, yaw):
     free = np.ones((6, 7), np.bool_)
     free[2, 3] = free[5, 0] = False
-    grid = OccupancyGrid(free, ~free, 0.51, (0.03, -0.02, yaw))
+    regions = regions_of(free.astype(np.int32) - 1, (0.03, -0.02, yaw), 0.51)
+    grid = regions.grid
     expected = [tuple(cell) for cell in np.argwhere(free).tolist() if oracles.is_inside(corners, *grid.to_world(*cell))]
     if not expected:
         with pytest.raises(PlaceError, match="covers no cell where a robot could be"):
-            zone_within("zone", corners, grid)
+            zone_within("zone", corners, regions)
         return
-    assert [tuple(cell) for cell in np.argwhere(zone_within("zone", corners, grid).cells).tolist()] == expected
+    assert [tuple(cell) for cell in np.argwhere(zone_within("zone", corners, regions).cells).tolist()] == expected
 
 
 @given(st.floats(-50, 50), st.floats(-50, 50), st.sampled_from(YAWS))
@@ -179,11 +180,13 @@ def test_distances_have_three_classes_with_cuts_that_can_be_set():
 
 
 def test_zones_of_an_image_are_cut_to_the_free_cells():
-    grid = grid_of("#..#\n#..#")
-    zone = zone_of_cells("left", np.array([[1, 1, 0, 0], [1, 1, 0, 0]], np.bool_), grid)
+    regions = regions_of([[-1, 0, 0, -1]] * 2)
+    zone = zone_of_cells("left", np.array([[1, 1, 0, 0], [1, 1, 0, 0]], np.bool_), regions)
     assert np.argwhere(zone.cells).tolist() == [[0, 1], [1, 1]]
     assert zone.centre == (0, 1)
     with pytest.raises(PlaceError, match="is 2 x 1 pixels large, but the map is 4 x 2; draw it on the map"):
-        zone_of_cells("small", np.ones((1, 2), np.bool_), grid)
+        zone_of_cells("small", np.ones((1, 2), np.bool_), regions)
     with pytest.raises(PlaceError, match="covers no cell where a robot could be"):
-        zone_of_cells("wall", ~grid.free, grid)
+        zone_of_cells("wall", ~regions.grid.free, regions)
+    with pytest.raises(PlaceError, match="a place of the map is called so; choose another name"):
+        zone_of_cells("region 0", regions.grid.free, regions)

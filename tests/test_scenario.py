@@ -323,6 +323,7 @@ SCENARIOS = st.builds(
         eta_counter=st.sampled_from(["run", "pair", "episode"]),
     ),
     zones=st.dictionaries(NAMES.filter(str.isprintable), ZONES, max_size=3),
+    claims=st.lists(st.sampled_from(["a north of b", "'near it' is not inside \"x\"", "a: b touches #c"]), max_size=3),
     distance=st.builds(lambda near, more: DistanceSettings(near_m=near, far_m=near + more), METRES, METRES),
     made_with=st.none() | st.builds(MadeWith, qualrl=st.none() | st.text(st.characters(exclude_categories=["Cs"]))),
 )

@@ -98,7 +98,7 @@ def test_zones_that_do_not_fit_the_map_are_told_with_their_place(rooms):
     asked = rooms("").with_settings(["zones.far.off=[[50, 50], [51, 50], [51, 51]]"])
     with pytest.raises(PlaceError, match=r"^--set zones.far.off: covers no cell"):
         relations_of(asked)
-    with pytest.raises(ScenarioError, match=r"s.scenario.yaml:4:11: zones.room A: a place of the map is called so"):
+    with pytest.raises(PlaceError, match=r"s.scenario.yaml:4:11: zones.room A: a place of the map is called so"):
         relations_of(rooms("zones:\n  room A: [[2, 8], [5, 8], [5, 10]]"))
     in_memory = Scenario(map="rooms.yaml", goal="room A", zones={"far": [[50, 50], [51, 50], [51, 51]]})
     with pytest.raises(PlaceError, match=r"^zones.far: covers no cell"):

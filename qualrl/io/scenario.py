@@ -5,7 +5,6 @@ Suffixes are units: ``_m`` metres, ``_m2`` square metres.
 """
 
 import os
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -25,16 +24,19 @@ from pydantic import (
 
 from qualrl.errors import MapError, PlaceError, QualrlError, ScenarioError, UnknownNameError, shown
 from qualrl.io.bundled import SCENARIO_SUFFIX, found
-from qualrl.io.positioned_yaml import KeyPath, PositionedYaml, parse_yaml, read_scalar, read_yaml
+from qualrl.io.positioned_yaml import KeyPath, PositionedYaml, parse_yaml, read_yaml
 from qualrl.io.scenario_errors import dotted, explained
 from qualrl.io.scenario_learn import LearnSettings, Strict, whole
 from qualrl.io.scenario_world import ChangeSetting, OnlineSettings, changes_of
+from qualrl.io.scenario_writing import written
 from qualrl.io.scenario_zones import DistanceSettings, ZoneField, zone_on
+from qualrl.qualitative.statements import read_statement
 from qualrl.spatial.place import MOST_CHARACTERS, Place, PlaceCell, PlaceMetres, PlaceName, read_place
 
 if TYPE_CHECKING:  # what builds models is heavy, and loads when a model is built
     from qualrl.learning.changes import Change
     from qualrl.models.hybrid_mdp import HybridMDP
+    from qualrl.qualitative.checking import Checked
     from qualrl.spatial.region_map import RegionMap
     from qualrl.spatial.relations import Relations
 
@@ -64,6 +66,11 @@ def _name(value: str) -> str:
     return value
 
 
+def _claim(value: str) -> str:
+    read_statement(value)
+    return value
+
+
 PLACE_SCHEMA = {
     "anyOf": [
         {"type": "string", "minLength": 1, "maxLength": MOST_CHARACTERS},
@@ -72,6 +79,7 @@ PLACE_SCHEMA = {
 }
 Seed = Annotated[int, Field(ge=0, lt=2**63), BeforeValidator(whole)]
 PlaceField = Annotated[Place, PlainValidator(_place), PlainSerializer(_plain_place), WithJsonSchema(PLACE_SCHEMA)]
+Claim = Annotated[str, AfterValidator(_claim)]
 OldName = Annotated[str, Field(min_length=1, max_length=MOST_CHARACTERS)]
 Name = Annotated[str, Field(min_length=1, max_length=MOST_CHARACTERS), AfterValidator(_name)]
 
@@ -143,6 +151,9 @@ class Scenario(Strict):
         default={}, description="parts of the map, name: [[x, y], ...] in metres or {image: FILE}"
     )
     distance: DistanceSettings = Field(default=DistanceSettings(), description="what near and far mean")
+    claims: list[Claim] = Field(
+        default=[], description='what should be true of the map, in words, as "kitchen north of lab"'
+    )
     made_with: MadeWith | None = Field(default=None, description="what a result was made with")
 
     _path: Path | None = PrivateAttr(None)
@@ -228,15 +239,19 @@ class Scenario(Strict):
 
         zones = []
         for name, drawn in self.zones.items():
-            if name in (*regions.all_names, *regions.lost):
-                raise ScenarioError(
-                    f"{self._where('zones', name)}: a place of the map is called so; choose another name"
-                )
             try:
-                zones.append(zone_on(regions.grid, name, drawn, self.folder))
+                zones.append(zone_on(regions, name, drawn, self.folder))
             except PlaceError as problem:
                 raise PlaceError(f"{self._where('zones', name)}: {problem}") from None
         return Relations(regions, zones)
+
+    def check(self, regions: "RegionMap | None" = None) -> "Checked":
+        """Its claims, checked against its map (``regions``, if they are at hand already) and against each other."""
+        from qualrl.qualitative.checking import check
+
+        relations = self.relations(self.regions() if regions is None else regions)
+        where = [self._where("claims", at) for at in range(len(self.claims))]
+        return check(relations, [read_statement(claim) for claim in self.claims], self.distance.cuts, where)
 
     def _where(self, *path: str | int) -> str:
         """Where a key, or one of its items, was set: in the file, or on the command line."""
@@ -320,13 +335,13 @@ def dump_scenario(scenario: Scenario) -> str:
         if key == "made_with" and value is None:
             continue
         if not isinstance(value, dict) or not value:
-            lines.append(f"{key}: {_written(value)}  # {field.description}")
+            lines.append(f"{key}: {written(value)}  # {field.description}")
             continue
         lines.append(f"{key}:  # {field.description}")
         fields = type(section).model_fields if isinstance(section, BaseModel) else {}
         for inner, setting in value.items():
             comment = f"  # {fields[inner].description}" if inner in fields else ""
-            lines.append(f"  {_written(inner)}: {_written(setting)}{comment}")
+            lines.append(f"  {written(inner)}: {written(setting)}{comment}")
     return "\n".join(lines) + "\n"
 
 
@@ -374,31 +389,3 @@ def _asked_at(path: KeyPath, asked: dict[KeyPath, str]) -> str:
         if asked_path[: len(path)] == path:
             return f"{told}: {dotted(path)}"
     return dotted(path)
-
-
-PLAIN = re.compile(r"[A-Za-z]([A-Za-z0-9_./ -]*[A-Za-z0-9_./-])?")
-OTHER_READERS_TWIST = frozenset({"y", "n", "yes", "no", "on", "off"})
-ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
-
-
-def _written(value: object) -> str:
-    """A value as YAML on one line."""
-    if value is None:
-        return "null"
-    if isinstance(value, str):
-        plain = PLAIN.fullmatch(value) and read_scalar(value) == value and value.lower() not in OTHER_READERS_TWIST
-        return value if plain else '"' + "".join(map(_escaped, value)) + '"'
-    if isinstance(value, list):
-        return f"[{', '.join(map(_written, value))}]"
-    if isinstance(value, dict) and value:
-        return f"{{{', '.join(f'{_written(key)}: {_written(of)}' for key, of in value.items() if of is not None)}}}"
-    return repr(value)  # whole numbers, floats, and {}
-
-
-def _escaped(character: str) -> str:
-    if character in ESCAPES:
-        return ESCAPES[character]
-    if character.isprintable():
-        return character
-    code = ord(character)
-    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"

@@ -15,10 +15,11 @@ from pydantic import Field, PlainSerializer, PlainValidator, WithJsonSchema, mod
 from qualrl.errors import MapError, PlaceError, did_you_mean, shown
 from qualrl.io.scenario_learn import Strict
 from qualrl.spatial.nearness import DistanceCuts
-from qualrl.spatial.occupancy_grid import FARTHEST, OccupancyGrid
+from qualrl.spatial.occupancy_grid import FARTHEST
 from qualrl.spatial.zones import MOST_CORNERS, zone_of_cells, zone_within
 
 if TYPE_CHECKING:
+    from qualrl.spatial.region_map import RegionMap
     from qualrl.spatial.zones import Zone
 
 EXPECTED = "corners [[x, y], ...] in metres, or {image: FILE}"
@@ -32,9 +33,9 @@ class Outline:
 
     corners: tuple[tuple[float, float], ...]
 
-    def on(self, grid: OccupancyGrid, name: str, folder: Path) -> "Zone":
+    def on(self, regions: "RegionMap", name: str, folder: Path) -> "Zone":
         """The zone on a map; PlaceError."""
-        return zone_within(name, self.corners, grid)
+        return zone_within(name, self.corners, regions)
 
     def plain(self) -> list[list[float]]:
         """As a scenario holds it."""
@@ -50,9 +51,9 @@ class MaskImage:
     """Which pixels belong to it: those darker than middle grey, as in masks of ROS, or the lighter ones.  Transparent
     pixels never do."""
 
-    def on(self, grid: OccupancyGrid, name: str, folder: Path) -> "Zone":
+    def on(self, regions: "RegionMap", name: str, folder: Path) -> "Zone":
         """The zone on a map; PlaceError or MapError."""
-        return zone_of_cells(name, self.pixels(folder / self.image), grid)
+        return zone_of_cells(name, self.pixels(folder / self.image), regions)
 
     def pixels(self, file: Path) -> NDArray[np.bool_]:
         """(H, W) which pixels belong to it."""
@@ -134,9 +135,9 @@ class DistanceSettings(Strict):
         return DistanceCuts(self.near_m, self.far_m)
 
 
-def zone_on(grid: OccupancyGrid, name: str, drawn: Outline | MaskImage, folder: Path) -> "Zone":
+def zone_on(regions: "RegionMap", name: str, drawn: Outline | MaskImage, folder: Path) -> "Zone":
     """A zone of a scenario on its map.  Raises PlaceError, that begins with what is wrong of it."""
     try:
-        return drawn.on(grid, name, folder)
+        return drawn.on(regions, name, folder)
     except MapError as problem:
         raise PlaceError(f"the image of the zone cannot be used: {problem}") from None

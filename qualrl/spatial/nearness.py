@@ -5,6 +5,9 @@ from dataclasses import dataclass
 
 from qualrl.errors import SettingError
 
+ROUNDING_M = 1e-9
+"""So much more than a cut is still the same: steps times metres a step are rounded."""
+
 
 @dataclass(frozen=True)
 class DistanceCuts:
@@ -23,4 +26,5 @@ class DistanceCuts:
         >>> DistanceCuts().name(10), DistanceCuts().name(math.inf)
         ('near', 'far')
         """
-        return "near" if distance_m <= self.near_m else "medium" if distance_m <= self.far_m else "far"
+        cut_m = distance_m - ROUNDING_M
+        return "near" if cut_m <= self.near_m else "medium" if cut_m <= self.far_m else "far"

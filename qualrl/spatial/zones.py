@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.errors import PlaceError
-from qualrl.spatial.occupancy_grid import Cell, OccupancyGrid
+from qualrl.spatial.occupancy_grid import Cell
+from qualrl.spatial.region_map import RegionMap
 
 MOST_CORNERS = 1000
 
@@ -39,11 +40,12 @@ class Zone:
         return row, column
 
 
-def zone_within(name: str, corners: Sequence[tuple[float, float]], grid: OccupancyGrid) -> Zone:
+def zone_within(name: str, corners: Sequence[tuple[float, float]], regions: RegionMap) -> Zone:
     """The zone whose cells' centres lie inside a polygon; where its sides cross each other, every other part counts.
 
-    Raises PlaceError for a polygon without free cells inside.
+    Raises PlaceError for a polygon without free cells inside, and for a name that a place of the map has.
     """
+    grid = regions.grid
     inside = np.zeros(grid.shape, np.bool_)
     points = np.array([grid.to_position(*corner) for corner in corners])
     rows, columns = (
@@ -58,11 +60,17 @@ def zone_within(name: str, corners: Sequence[tuple[float, float]], grid: Occupan
                 at = column + (rows[passed] - row) * ((column_2 - column) / (row_2 - row))
                 box[passed] ^= columns < at[:, None]
         inside[np.ix_(rows, columns)] = box
-    return Zone(name, inside & grid.free)
+    return zone_of_cells(name, inside, regions)
 
 
-def zone_of_cells(name: str, cells: Flags, grid: OccupancyGrid) -> Zone:
-    """The zone of those of some cells (H, W) that are free.  Raises PlaceError for none, or for another map's size."""
+def zone_of_cells(name: str, cells: Flags, regions: RegionMap) -> Zone:
+    """The zone of those of some cells (H, W) that are free.
+
+    Raises PlaceError for none, for another map's size, and for a name that a place of the map has.
+    """
+    grid = regions.grid
+    if name in (*regions.all_names, *regions.lost):
+        raise PlaceError("a place of the map is called so; choose another name")
     if cells.shape != grid.shape:
         (rows, columns), (height, width) = cells.shape, grid.shape
         raise PlaceError(f"is {columns} x {rows} pixels large, but the map is {width} x {height}; draw it on the map")
