@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from itertools import product
 
 TILE_WORDS = {(1, -1): "north-west", (1, 0): "north", (1, 1): "north-east", (0, -1): "west", (0, 0): "middle",
               (0, 1): "east", (-1, -1): "south-west", (-1, 0): "south", (-1, 1): "south-east"}  # fmt: skip
@@ -60,3 +61,27 @@ def is_inside(corners, x, y):
         if (y1 > y) != (y2 > y) and x < x1 + (y - y1) * (x2 - x1) / (y2 - y1):
             crossings += 1
     return crossings % 2 == 1
+
+
+def closed(calculus, things, constraints):
+    """Algebraic closure, one base relation after the other, until nothing changes; None for a contradiction."""
+    whole = set(range(len(calculus.relations)))
+
+    def base(relation):
+        return {bit for bit in whole if relation >> bit & 1}
+
+    def after(first, second):
+        return {t for r in first for s in second for t in base(calculus.composition[r][s])}
+
+    network = {(a, b): set(whole) if a != b else {calculus.identity} for a in range(things) for b in range(things)}
+    for a, b, relation in constraints:
+        network[a, b] &= base(relation)
+        network[b, a] &= {calculus.converses[bit] for bit in base(relation)}
+    before = None
+    while before != network:
+        before = dict(network)
+        for a, b, c in product(range(things), repeat=3):
+            network[a, c] = network[a, c] & after(network[a, b], network[b, c])
+    if not all(network.values()):
+        return None
+    return [[sum(1 << bit for bit in network[a, b]) for b in range(things)] for a in range(things)]

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from qualrl.errors import UnknownNameError
 from qualrl.qualitative.calculus import CALCULI, algebraic_closure, calculus, calculus_of
 from qualrl.training.calculi import generated, main
+from tests.oracles_relations import closed as closed_by_the_textbook
 from tests.oracles_relations import rcc8
 
 PUBLISHED = {"point": (3, 13), "cardinal": (9, 169), "allen": (13, 409), "rcc8": (8, 193)}
@@ -114,6 +115,19 @@ def test_networks_of_concrete_things_are_never_refuted(name, data):
         assert closed[a][c] & of.compose(closed[a][b], closed[b][c]) == closed[a][c]
 
 
+@pytest.mark.parametrize("name", CALCULI)
+@settings(deadline=None, max_examples=50)
+@given(st.data())
+def test_compiled_closure_equals_the_textbook(name, data):
+    of = calculus(name)
+    things = data.draw(st.integers(1, 5))
+    thing = st.integers(0, things - 1)
+    wide = st.integers(0, of.any_relation).map(lambda bits: bits | data.draw(st.integers(0, of.any_relation)))
+    constraints = data.draw(st.lists(st.tuples(thing, thing, wide), max_size=8))
+    found = algebraic_closure(of, things, constraints)
+    assert (None if found is None else found.tolist()) == closed_by_the_textbook(of, things, constraints)
+
+
 SMALL_MODELS = {
     "point": (order, list(range(4))),
     "cardinal": (seen_from, list(product(range(3), repeat=2))),
@@ -157,7 +171,9 @@ def test_a_cycle_is_refuted_and_what_follows_is_told():
     closed = algebraic_closure(of, 3, [(0, 1, north), (1, 2, north)])
     assert closed is not None
     assert closed[2][0] == south
-    assert algebraic_closure(of, 0, []) == []
+    assert algebraic_closure(of, 0, []).shape == (0, 0)
+    known = algebraic_closure(of, 3, [(0, 1, north)])
+    assert (algebraic_closure(of, 3, [(1, 2, north)], known) == closed).all()
 
 
 def test_unknown_names_are_refused():

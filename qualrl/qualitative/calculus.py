@@ -7,12 +7,16 @@ first relation the lowest; 0 is "none can hold", a contradiction.  The tables we
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import dataclass
+from functools import cache, cached_property
 from importlib.resources import files
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from qualrl.errors import UnknownNameError, did_you_mean
+from qualrl.kernels import closure
 
 CALCULI = ("point", "cardinal", "allen", "rcc8")
 """Orders of points; directions of points from each other; intervals; regions (RCC8)."""
@@ -21,8 +25,8 @@ Relation = int
 """A set of base relations, as bits."""
 Constraint = tuple[int, int, Relation]
 """(first, second, relation of the first to the second), things by their number."""
-Network = list[list[Relation]]
-"""By first and second thing."""
+Network = NDArray[np.int32]
+"""(N, N) relations by first and second thing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +42,6 @@ class Calculus:
     """By bit: the bit of the same relation seen from the other end."""
     composition: tuple[tuple[Relation, ...], ...]
     """By two bits: what can hold between a and c when the first holds between a and b, the second between b and c."""
-    _known: dict[tuple[Relation, Relation], Relation] = field(default_factory=dict, repr=False)
-    """Compositions asked for so far."""
 
     @property
     def any_relation(self) -> Relation:
@@ -69,18 +71,29 @@ class Calculus:
 
     def converse(self, relation: Relation) -> Relation:
         """What holds between b and a when the relation holds between a and b."""
-        return sum(1 << other for bit, other in enumerate(self.converses) if relation >> bit & 1)
+        return int(self.converse_table[relation])
 
     def compose(self, first: Relation, second: Relation) -> Relation:
         """What can hold between a and c when the first holds between a and b, and the second between b and c."""
-        found = self._known.get((first, second))
-        if found is None:
-            found = 0
-            for bit, row in enumerate(self.composition):
-                if first >> bit & 1:
-                    for other, cell in enumerate(row):
-                        found |= cell if second >> other & 1 else 0
-            self._known[first, second] = found
+        return int(
+            np.bitwise_or.reduce(self.after[[bit for bit in range(len(self.after)) if first >> bit & 1], second])
+        )
+
+    @cached_property
+    def after(self) -> Network:
+        """(B, 2**B) what can follow a base relation and then a relation."""
+        table = np.array(self.composition, np.int32)
+        found = np.zeros((len(table), 1), np.int32)
+        for cells in table.T:
+            found = np.hstack([found, found | cells[:, None]])
+        return found
+
+    @cached_property
+    def converse_table(self) -> Network:
+        """(2**B,) the converse of each relation."""
+        found = np.zeros(1, np.int32)
+        for other in self.converses:
+            found = np.concatenate([found, found | np.int32(1 << other)])
         return found
 
     def to_dict(self) -> dict[str, Any]:
@@ -119,31 +132,18 @@ def calculus(name: str) -> Calculus:
     return calculus_of(json.loads(text))
 
 
-def algebraic_closure(of: Calculus, things: int, constraints: Iterable[Constraint]) -> Network | None:
+def algebraic_closure(
+    of: Calculus, things: int, constraints: Iterable[Constraint], known: Network | None = None
+) -> Network | None:
     """What is left possible between each two things when every third one is looked at; None for a contradiction.
 
+    known: what holds between them beside the constraints.
     Whatever a concrete model satisfies is left in, so None is proof that there is no model.  The other way round,
     that something is left proves a model for some sets of relations only, among them base relations of all CALCULI.
     """
-    network = [[of.any_relation] * things for _ in range(things)]
-    for thing in range(things):
-        network[thing][thing] = 1 << of.identity
+    network = np.full((things, things), of.any_relation, np.int32) if known is None else known.copy()
+    network[np.diag_indices(things)] &= 1 << of.identity
     for first, second, relation in constraints:
-        network[first][second] &= relation
-        network[second][first] &= of.converse(relation)
-    if not all(all(row) for row in network):
-        return None
-    waiting = dict.fromkeys((a, b) for a in range(things) for b in range(things) if network[a][b] != of.any_relation)
-    while waiting:
-        first, second = next(iter(waiting))
-        del waiting[first, second]
-        for third in range(things):
-            for a, b, c in ((first, second, third), (third, first, second)):
-                left = network[a][c] & of.compose(network[a][b], network[b][c])
-                if left == network[a][c]:
-                    continue
-                if not left:
-                    return None
-                network[a][c], network[c][a] = left, of.converse(left)
-                waiting |= dict.fromkeys(((a, c), (c, a)))
-    return network
+        network[first, second] &= relation
+        network[second, first] &= of.converse(relation)
+    return network if closure.close(network, of.after, of.converse_table) else None

@@ -9,6 +9,7 @@ third place is never shorter than the direct one.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 from typing import Any
 
 from qualrl.errors import QualrlError, SettingError, UnknownNameError, did_you_mean
@@ -217,16 +218,16 @@ def _consistency(
     aspect: _Aspect, statements: Sequence[Statement], relations: Relations | None
 ) -> Callable[[Numbers], bool]:
     """Whether some of the statements, by number, leave a relation possible between each two of their places."""
+    names = list(dict.fromkeys(name for one in statements for name in one.names))
+    number = {name: at for at, name in enumerate(names)}
+    said = [(number[one.subject], number[one.object], aspect.said(one) or 0) for one in statements]
+    known = [name for name in names if relations is not None and name in relations.names]
+    facts = [(number[a], number[b], aspect.shown(relations, a, b)) for a, b in permutations(known, 2) if relations]
+    network = algebraic_closure(aspect.calculus, len(names), facts)
 
     def is_consistent(chosen: Numbers) -> bool:
-        told = [statements[at] for at in sorted(chosen)]
-        names = list(dict.fromkeys(name for one in told for name in one.names))
-        number = {name: at for at, name in enumerate(names)}
-        said = [(number[one.subject], number[one.object], aspect.said(one) or 0) for one in told]
-        if relations is not None:
-            known = [name for name in names if name in relations.names]
-            said += [(number[a], number[b], aspect.shown(relations, a, b)) for a in known for b in known if a != b]
-        return algebraic_closure(aspect.calculus, len(names), said) is not None
+        told = [said[at] for at in chosen]
+        return algebraic_closure(aspect.calculus, len(names), told, network) is not None
 
     return is_consistent
 
