@@ -381,3 +381,12 @@ def test_the_command_checks_and_refuses(tmp_path, monkeypatch):
     file.write_text(head)
     _, error = qualrl_command("check", "s.scenario.yaml", cwd=tmp_path, expect=2)
     assert error.startswith("qualrl: s.scenario.yaml: has no claims to check; add a line 'claims: [")
+
+
+def test_places_that_a_robot_is_too_large_for_are_named_so():
+    narrow = grid_of("#########\n#...#...#\n#...#...#\n#.......#\n#...#...#\n#...#...#\n#########", 0.5)
+    lost = qualrl.segment(narrow, radius_m=0.6)
+    assert lost.lost
+    found = qualrl.check(lost, [f"{lost.lost[0]} near kitchen"])
+    because = f"a robot with radius_m 0.6 is too large for {lost.lost[0]!r} and 'kitchen' is not on the map"
+    assert [(one.holds, one.because) for one in found.judged] == [(None, because)]

@@ -211,3 +211,13 @@ def test_the_command_describes_and_refuses(tmp_path):
         assert error == "qualrl: say either --of NAME, or both --from PLACE and --to PLACE, or none of them\n"
     _, error = qualrl_command("describe", "rooms.yaml", "--of", "rom A", cwd=tmp_path, expect=2)
     assert "did you mean 'room A'?" in error
+
+
+def test_what_no_way_leads_to_is_far_and_pockets_are_told_when_asked_for():
+    regions = qualrl.segment(grid_of("#######\n#.#...#\n#.#...#\n#.#...#\n#######"))
+    room, pocket = regions.region_names
+    assert [place["name"] for place in describe(regions.relations, DistanceCuts()).to_dict()["places"]] == [room]
+    answer = describe(regions.relations, DistanceCuts(), of=pocket)
+    assert answer.explain().splitlines()[-1] == f"{room}: east, far, no way"
+    (pair,) = answer.to_dict()["relations"]
+    assert (pair["walk_m"], pair["distance"], pair["rcc8"]) == (None, "far", "DC")

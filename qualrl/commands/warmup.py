@@ -43,7 +43,7 @@ def warmup(
 
 def _compile(console: Console, everything: bool, seconds: COMPILED) -> None:
     """Go through maps, plans and every learner, in worlds as small as can be."""
-    from qualrl.api import build, plan, train
+    from qualrl.api import build, check, plan, train
     from qualrl.io.scenario import load_scenario
     from qualrl.learning.online import Online
     from qualrl.learning.rules import RULES
@@ -76,6 +76,9 @@ def _compile(console: Console, everything: bool, seconds: COMPILED) -> None:
     with part("ways on the map"):
         Routes(regions).between(far, goal)
         Routes(regions).between(far, goal, exact=True)
+    with part("relations of places"):
+        here, there = regions.region_names[:2]
+        check(regions, [f"{here} north of {there}", f"{here} near {there}"])
     for name in RULES:
         with part(name):
             for world, alpha in product(worlds, rates):

@@ -89,9 +89,9 @@ class Description:
         return f", turned by {math.degrees(yaw):g} degrees in the image" if yaw else ", up in the image"
 
     def _places(self) -> list[str]:
-        """Regions but pockets, then zones."""
+        """Regions but pockets, unless one is asked for, then zones."""
         regions = self.relations.regions.regions
-        named = [region.name for region in regions if region.kind != "pocket"]
+        named = [region.name for region in regions if region.kind != "pocket" or region.name == self.of]
         return [*named, *(zone.name for zone in self.relations.zones)]
 
     def _overview(self) -> Iterator[str]:
