@@ -15,7 +15,7 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from qualrl import questions
-    from qualrl.api import Training, build, plan, train, train_seeds
+    from qualrl.api import Training, build, check, plan, train, train_seeds
     from qualrl.errors import QualrlError
     from qualrl.io.read_map import read_map
     from qualrl.io.scenario import Scenario, load_scenario
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Training": "api",
     "build": "api",
+    "check": "api",
     "plan": "api",
     "train": "api",
     "train_seeds": "api",
@@ -61,6 +62,7 @@ __all__ = [
     "Training",
     "__version__",
     "build",
+    "check",
     "load_scenario",
     "plan",
     "questions",

@@ -13,6 +13,7 @@ from qualrl.learning.run import LearningRun
 from qualrl.learning.settings import LearnSettings, setting_names
 from qualrl.learning.trainer import train as run_learner
 from qualrl.models.hybrid_mdp import HybridMDP, hybrid_mdp
+from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.place import PlaceLike as PlaceOnMap
 from qualrl.spatial.place import read_place
 from qualrl.spatial.region_map import RegionMap
@@ -23,7 +24,9 @@ if TYPE_CHECKING:
     from qualrl.learning.trainer import Milestone
     from qualrl.planning.how_sure import HowSure
     from qualrl.planning.plan import Plan
+    from qualrl.qualitative.checking import Checked
 
+CUTS = DistanceCuts()
 PlaceLike = PlaceOnMap | int
 """A place as ``spatial.place.PlaceLike``, or, for a model without a map, the number of a state."""
 
@@ -194,6 +197,30 @@ def plan(
 def goal_name(model: HybridMDP) -> str:
     """What to call the goal: the region whose centre it is, or its cell, or "the goal" without a map."""
     return "the goal" if model.regions is None else _cell_name(model, model.grid.goal)
+
+
+def check(
+    regions: RegionMap,
+    claims: Sequence[str],
+    *,
+    zones: Mapping[str, Sequence[tuple[float, float]]] | None = None,
+    near_m: float = CUTS.near_m,
+    far_m: float = CUTS.far_m,
+) -> "Checked":
+    """Claims in words, as "room A north of room B", checked against a map and against each other.
+
+    zones: name -> corners (x, y) of a polygon, metres.  near_m, far_m: walks up to the first are near, longer ones than
+    the second far.  Raises SettingError for a claim that cannot be read, and PlaceError for a zone without free cells.
+    """
+    from qualrl.qualitative import checking
+    from qualrl.qualitative.statements import read_statement
+    from qualrl.spatial.relations import Relations
+    from qualrl.spatial.zones import zone_within
+
+    check_type("check", regions, RegionMap, "a RegionMap, from qualrl.segment")
+    drawn = [zone_within(name, corners, regions) for name, corners in (zones or {}).items()]
+    cuts = DistanceCuts(near_m, far_m)
+    return checking.check(Relations(regions, drawn), [read_statement(claim) for claim in claims], cuts)
 
 
 def _with_goal(model: HybridMDP, goal: PlaceLike) -> HybridMDP | None:

@@ -21,6 +21,7 @@ from qualrl.io.scenario import (
     scenario_schema,
 )
 from qualrl.io.scenario_learn import LearnSettings
+from qualrl.io.scenario_zones import SIDES, DistanceSettings, MaskImage, Outline
 from qualrl.learning.rules import RULES
 from qualrl.spatial.place import Place, PlaceCell, PlaceMetres, PlaceName, read_place
 
@@ -291,6 +292,13 @@ PLACES: st.SearchStrategy[Place] = (
 POSITIVE = st.floats(0, 1e300, exclude_min=True)
 COUNTS = st.integers(1, 2**63 - 1)
 SHARES = st.floats(0, 1, exclude_max=True)
+METRES = st.floats(0.01, 1e9)
+CORNERS = st.tuples(st.floats(-1e9, 1e9), st.floats(-1e9, 1e9))
+ZONES = st.lists(CORNERS, min_size=3, max_size=5).map(lambda corners: Outline(tuple(corners))) | st.builds(
+    MaskImage,
+    st.text(st.characters(exclude_categories=["Cs"]), min_size=1),
+    st.sampled_from(SIDES),
+)
 SCENARIOS = st.builds(
     Scenario,
     map=st.sampled_from(NASTY) | st.text(st.characters(exclude_categories=["Cs"]), min_size=1),
@@ -314,6 +322,9 @@ SCENARIOS = st.builds(
         eta_power=st.floats(1, 1e300, exclude_min=True),
         eta_counter=st.sampled_from(["run", "pair", "episode"]),
     ),
+    zones=st.dictionaries(NAMES.filter(str.isprintable), ZONES, max_size=3),
+    claims=st.lists(st.sampled_from(["a north of b", "'near it' is not inside \"x\"", "a: b touches #c"]), max_size=3),
+    distance=st.builds(lambda near, more: DistanceSettings(near_m=near, far_m=near + more), METRES, METRES),
     made_with=st.none() | st.builds(MadeWith, qualrl=st.none() | st.text(st.characters(exclude_categories=["Cs"]))),
 )
 

@@ -6,7 +6,9 @@ from qualrl.commands.console import PARSING, Console
 from qualrl.errors import QualrlError, ScenarioError, SettingError, did_you_mean
 from qualrl.io.bundled import SCENARIO_SUFFIX, bundled_names, found
 from qualrl.io.scenario import Scenario, load_scenario
+from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.region_map import RegionMap
+from qualrl.spatial.relations import Relations
 
 
 def is_scenario(path: Path) -> bool:
@@ -61,10 +63,28 @@ def regions_of(
     console: Console, argument: str, resolution_m: float | None, robot_radius_m: float | None = None
 ) -> RegionMap:
     """The regions of a scenario or a map, by its file or as a bundled one; the map's warnings are noted."""
+    return _map_of(console, argument, resolution_m, robot_radius_m)[0]
+
+
+def relations_of(
+    console: Console, argument: str, resolution_m: float | None, robot_radius_m: float | None = None
+) -> tuple[Relations, DistanceCuts]:
+    """How the places of a map lie to each other, a scenario's zones among them; and what near and far mean there."""
+    regions, scenario = _map_of(console, argument, resolution_m, robot_radius_m)
+    if scenario is None:
+        return regions.relations, DistanceCuts()
+    return scenario.relations(regions), scenario.distance.cuts
+
+
+def _map_of(
+    console: Console, argument: str, resolution_m: float | None, robot_radius_m: float | None
+) -> tuple[RegionMap, Scenario | None]:
+    """The regions, and the scenario if it is one."""
     from qualrl.io.read_map import read_map
     from qualrl.spatial.segmentation import segment
 
     path = found(argument, SCENARIO_SUFFIX)
+    scenario = None
     with console.stage(PARSING):
         if not is_scenario(path):
             grid = read_map(path, resolution_m=resolution_m)
@@ -77,6 +97,7 @@ def regions_of(
         else:
             setting = f"radius_m={robot_radius_m}"
             asked = [] if robot_radius_m is None else [setting]
-            regions = load_scenario(path).with_settings(asked, {setting: "--robot-radius"}).regions()
+            scenario = load_scenario(path).with_settings(asked, {setting: "--robot-radius"})
+            regions = scenario.regions()
     console.warn_of(regions)
-    return regions
+    return regions, scenario

@@ -8,7 +8,9 @@ from typing import Annotated, Any
 import typer
 
 from qualrl import __version__
+from qualrl.commands.check import check
 from qualrl.commands.convert import convert
+from qualrl.commands.describe import describe
 from qualrl.commands.how_sure import how_sure
 from qualrl.commands.learn import learn
 from qualrl.commands.learners import learners
@@ -56,6 +58,8 @@ def qualrl(
 for command, in_short in (
     (run, "Map, model, learning, explained plan, pictures: all of it."),
     (show, "Describe a scenario or a map: regions, doors, landmarks."),
+    (describe, "How regions lie to each other, or a route as one walks it."),
+    (check, "Check what a scenario claims of its map."),
     (convert, "Map to hybrid MDP, pictures, graphs, a scenario to edit."),
     (learn, "Learn a scenario, beside the exact optimum."),
     (plan, "Plan between two places, and say why each step is taken."),

@@ -43,7 +43,7 @@ def warmup(
 
 def _compile(console: Console, everything: bool, seconds: COMPILED) -> None:
     """Go through maps, plans and every learner, in worlds as small as can be."""
-    from qualrl.api import build, plan, train
+    from qualrl.api import build, check, plan, train
     from qualrl.io.scenario import load_scenario
     from qualrl.learning.online import Online
     from qualrl.learning.rules import RULES
@@ -80,6 +80,9 @@ def _compile(console: Console, everything: bool, seconds: COMPILED) -> None:
         Routes(regions).between(far, goal, exact=True)
     with part("what is in the way"):
         why_unreachable(worlds[0].with_closed(door.name for door in regions.doorways))
+    with part("relations of places"):
+        here, there = regions.region_names[:2]
+        check(regions, [f"{here} north of {there}", f"{here} near {there}"])
     for name in RULES:
         with part(name):
             for world, alpha in product(worlds, rates):

@@ -5,7 +5,6 @@ Suffixes are units: ``_m`` metres, ``_m2`` square metres.
 """
 
 import os
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -25,16 +24,21 @@ from pydantic import (
 
 from qualrl.errors import MapError, PlaceError, QualrlError, ScenarioError, UnknownNameError, shown
 from qualrl.io.bundled import SCENARIO_SUFFIX, found
-from qualrl.io.positioned_yaml import KeyPath, PositionedYaml, parse_yaml, read_scalar, read_yaml
+from qualrl.io.positioned_yaml import KeyPath, PositionedYaml, parse_yaml, read_yaml
 from qualrl.io.scenario_errors import dotted, explained
 from qualrl.io.scenario_learn import LearnSettings, Strict, whole
 from qualrl.io.scenario_world import ChangeSetting, OnlineSettings, changes_of
+from qualrl.io.scenario_writing import written
+from qualrl.io.scenario_zones import DistanceSettings, ZoneField, zone_on
+from qualrl.qualitative.statements import read_statement
 from qualrl.spatial.place import MOST_CHARACTERS, Place, PlaceCell, PlaceMetres, PlaceName, read_place
 
 if TYPE_CHECKING:  # what builds models is heavy, and loads when a model is built
     from qualrl.learning.changes import Change
     from qualrl.models.hybrid_mdp import HybridMDP
+    from qualrl.qualitative.checking import Checked
     from qualrl.spatial.region_map import RegionMap
+    from qualrl.spatial.relations import Relations
 
 
 NO_OPTIONS: Mapping[str, str] = MappingProxyType({})
@@ -62,6 +66,11 @@ def _name(value: str) -> str:
     return value
 
 
+def _claim(value: str) -> str:
+    read_statement(value)
+    return value
+
+
 PLACE_SCHEMA = {
     "anyOf": [
         {"type": "string", "minLength": 1, "maxLength": MOST_CHARACTERS},
@@ -70,6 +79,7 @@ PLACE_SCHEMA = {
 }
 Seed = Annotated[int, Field(ge=0, lt=2**63), BeforeValidator(whole)]
 PlaceField = Annotated[Place, PlainValidator(_place), PlainSerializer(_plain_place), WithJsonSchema(PLACE_SCHEMA)]
+Claim = Annotated[str, AfterValidator(_claim)]
 OldName = Annotated[str, Field(min_length=1, max_length=MOST_CHARACTERS)]
 Name = Annotated[str, Field(min_length=1, max_length=MOST_CHARACTERS), AfterValidator(_name)]
 
@@ -137,11 +147,18 @@ class Scenario(Strict):
     online: OnlineSettings | None = Field(
         default=None, description="for a robot that does not know the map; null = it does"
     )
+    zones: dict[Name, ZoneField] = Field(
+        default={}, description="parts of the map, name: [[x, y], ...] in metres or {image: FILE}"
+    )
+    distance: DistanceSettings = Field(default=DistanceSettings(), description="what near and far mean")
+    claims: list[Claim] = Field(
+        default=[], description='what should be true of the map, in words, as "kitchen north of lab"'
+    )
     made_with: MadeWith | None = Field(default=None, description="what a result was made with")
 
     _path: Path | None = PrivateAttr(None)
     _asked: dict[str, str] = PrivateAttr(default_factory=dict)
-    _stood: dict[str, tuple[int, int]] = PrivateAttr(default_factory=dict)
+    _stood: dict[KeyPath, tuple[int, int]] = PrivateAttr(default_factory=dict)
 
     @property
     def path(self) -> Path | None:
@@ -151,8 +168,12 @@ class Scenario(Strict):
     @property
     def map_path(self) -> Path:
         """Where the map lies: relative to the scenario's file, or to the current folder without one."""
-        folder = Path() if self._path is None else self._path.parent
-        return Path(os.path.normpath(folder / self.map))
+        return Path(os.path.normpath(self.folder / self.map))
+
+    @property
+    def folder(self) -> Path:
+        """What the names of files are relative to."""
+        return Path() if self._path is None else self._path.parent
 
     def regions(self) -> "RegionMap":
         """The map, read, cut into regions, renamed as ``names`` says and marked as ``landmarks`` says."""
@@ -212,12 +233,33 @@ class Scenario(Strict):
         self._check_changes(model)
         return model
 
-    def _where(self, key: str) -> str:
-        """Where a key was set: in the file, or on the command line."""
+    def relations(self, regions: "RegionMap") -> "Relations":
+        """How the regions of its map lie to each other and to its zones."""
+        from qualrl.spatial.relations import Relations
+
+        zones = []
+        for name, drawn in self.zones.items():
+            try:
+                zones.append(zone_on(regions, name, drawn, self.folder))
+            except PlaceError as problem:
+                raise PlaceError(f"{self._where('zones', name)}: {problem}") from None
+        return Relations(regions, zones)
+
+    def check(self, regions: "RegionMap | None" = None) -> "Checked":
+        """Its claims, checked against its map (``regions``, if they are at hand already) and against each other."""
+        from qualrl.qualitative.checking import check
+
+        relations = self.relations(self.regions() if regions is None else regions)
+        where = [self._where("claims", at) for at in range(len(self.claims))]
+        return check(relations, [read_statement(claim) for claim in self.claims], self.distance.cuts, where)
+
+    def _where(self, *path: str | int) -> str:
+        """Where a key, or one of its items, was set: in the file, or on the command line."""
+        key = str(path[0])
         if key in self._asked or not self.path:
-            return self._asked.get(key, key)
-        line, column = self._stood.get(key, (0, 0))
-        return f"{self.path}:{line}:{column}: {key}" if line else f"{self.path}: {key}"
+            return self._asked.get(key, dotted(path))
+        line, column = self._stood.get(path, (0, 0))
+        return f"{self.path}:{line}:{column}: {dotted(path)}" if line else f"{self.path}: {dotted(path)}"
 
     def door_changes(self) -> "tuple[Change, ...]":
         """The changes of the world, as ``qualrl.train`` takes them."""
@@ -274,7 +316,7 @@ def load_scenario(path: str | Path) -> Scenario:
     content = read_yaml(file, what="scenario", error=ScenarioError)
     scenario = _checked(content)
     scenario._path = file
-    scenario._stood = {str(path[0]): at for path, at in content.value_at.items() if len(path) == 1}
+    scenario._stood = {path: at for path, at in content.value_at.items() if len(path) in (1, 2)}
     return scenario
 
 
@@ -293,13 +335,13 @@ def dump_scenario(scenario: Scenario) -> str:
         if key == "made_with" and value is None:
             continue
         if not isinstance(value, dict) or not value:
-            lines.append(f"{key}: {_written(value)}  # {field.description}")
+            lines.append(f"{key}: {written(value)}  # {field.description}")
             continue
         lines.append(f"{key}:  # {field.description}")
         fields = type(section).model_fields if isinstance(section, BaseModel) else {}
         for inner, setting in value.items():
             comment = f"  # {fields[inner].description}" if inner in fields else ""
-            lines.append(f"  {_written(inner)}: {_written(setting)}{comment}")
+            lines.append(f"  {written(inner)}: {written(setting)}{comment}")
     return "\n".join(lines) + "\n"
 
 
@@ -325,8 +367,8 @@ def _read_setting(setting: str) -> tuple[str, KeyPath, object]:
     key = key.strip()
     if not equals or not key:
         raise ScenarioError(f"--set {dotted((setting,))}: expected KEY=VALUE, for example learn.alpha=0.1")
-    section, _, rest = key.partition(".")  # what stands in names or landmarks is a name, dots and all
-    path = (section, rest) if section in ("names", "landmarks") and rest else tuple(key.split("."))
+    section, _, rest = key.partition(".")  # what stands in these sections is a name, dots and all
+    path = (section, rest) if section in ("names", "landmarks", "zones") and rest else tuple(key.split("."))
     return key, path, parse_yaml(text, f"--set {dotted((key,))}", error=ScenarioError).data
 
 
@@ -347,31 +389,3 @@ def _asked_at(path: KeyPath, asked: dict[KeyPath, str]) -> str:
         if asked_path[: len(path)] == path:
             return f"{told}: {dotted(path)}"
     return dotted(path)
-
-
-PLAIN = re.compile(r"[A-Za-z]([A-Za-z0-9_./ -]*[A-Za-z0-9_./-])?")
-OTHER_READERS_TWIST = frozenset({"y", "n", "yes", "no", "on", "off"})
-ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
-
-
-def _written(value: object) -> str:
-    """A value as YAML on one line."""
-    if value is None:
-        return "null"
-    if isinstance(value, str):
-        plain = PLAIN.fullmatch(value) and read_scalar(value) == value and value.lower() not in OTHER_READERS_TWIST
-        return value if plain else '"' + "".join(map(_escaped, value)) + '"'
-    if isinstance(value, list):
-        return f"[{', '.join(map(_written, value))}]"
-    if isinstance(value, dict) and value:
-        return f"{{{', '.join(f'{_written(key)}: {_written(of)}' for key, of in value.items() if of is not None)}}}"
-    return repr(value)  # whole numbers, floats, and {}
-
-
-def _escaped(character: str) -> str:
-    if character in ESCAPES:
-        return ESCAPES[character]
-    if character.isprintable():
-        return character
-    code = ord(character)
-    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"

@@ -20,9 +20,13 @@ class Leg:
 
 def legs_of(model: HybridMDP, walk: Sequence[int]) -> list[Leg]:
     """The legs of a walk, brief excursions over a border and back left out."""
+    return legs_through(model.region_of[list(walk)].tolist())
+
+
+def legs_through(regions: Sequence[int]) -> list[Leg]:
+    """The same of a walk by the region that each of its places lies in."""
     runs: list[Leg] = []
-    for index, state in enumerate(walk):
-        region = int(model.region_of[state])
+    for index, region in enumerate(regions):
         if runs and runs[-1].region == region:
             runs[-1] = Leg(region, runs[-1].first, index)
         else:

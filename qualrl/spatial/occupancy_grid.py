@@ -90,11 +90,30 @@ class OccupancyGrid:
 
     def to_cell(self, x_m: float, y_m: float) -> Cell:
         """The cell that a world point lies in; it may lie outside the map (see ``contains``)."""
+        up, along = self._from_corner(x_m, y_m)
+        return self.shape[0] - 1 - math.floor(up), math.floor(along)
+
+    def to_position(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """The (row, column) of a world point, whole numbers for the centres of cells: undoes ``to_world``."""
+        up, along = self._from_corner(x_m, y_m)
+        return self.shape[0] - 0.5 - up, along - 0.5
+
+    def _from_corner(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """How many cells a world point lies above and to the right of the image's lower-left corner."""
         x, y, yaw = self.origin
         dx, dy = x_m - x, y_m - y
         along = dx * math.cos(yaw) + dy * math.sin(yaw)
         up = -dx * math.sin(yaw) + dy * math.cos(yaw)
-        return self.shape[0] - 1 - math.floor(up / self.resolution_m), math.floor(along / self.resolution_m)
+        return up / self.resolution_m, along / self.resolution_m
+
+    @property
+    def compass(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """How many cells (east, north) one row down leads, and one column to the right.
+
+        North is where y of the map's frame grows, whatever the origin's yaw; without yaw it is up in the image.
+        """
+        yaw = self.origin[2]
+        return (math.sin(yaw), -math.cos(yaw)), (math.cos(yaw), math.sin(yaw))
 
     def contains(self, cell: Cell) -> bool:
         """Whether a cell lies on the map."""

@@ -7,6 +7,8 @@ Cells are (row, column) in image order; areas are square metres, widths metres.
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -14,6 +16,9 @@ from numpy.typing import NDArray
 
 from qualrl.errors import ScenarioError, UnknownNameError, did_you_mean
 from qualrl.spatial.occupancy_grid import Cell, OccupancyGrid
+
+if TYPE_CHECKING:
+    from qualrl.spatial.relations import Relations
 
 CENTRE = "centre"
 """The kind of landmark that a region's centre is."""
@@ -139,6 +144,13 @@ class RegionMap:
     def all_names(self) -> tuple[str, ...]:
         """Every name on the map: regions, then landmarks (doorways are landmarks)."""
         return self.region_names + tuple(mark.name for mark in self.landmarks)
+
+    @cached_property
+    def relations(self) -> "Relations":
+        """How the regions lie to each other, worked out when it is asked for: ``regions.relations.direction(a, b)``."""
+        from qualrl.spatial.relations import Relations
+
+        return Relations(self)
 
     def label_image(self) -> NDArray[np.int32]:
         """(H, W) number of each cell's region counted from 1, as other tools expect it; 0 in pockets and elsewhere."""

@@ -1,0 +1,136 @@
+"""A route as a walker tells it: which way to turn in each region, and the order of the landmarks that are passed.
+
+A heading is (rows down, columns to the right).  Left and right are the same however the map is turned.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from qualrl.planning.legs import legs_through
+from qualrl.planning.routes import Route
+from qualrl.qualitative.graph import crossings_of
+from qualrl.spatial.occupancy_grid import Cell
+from qualrl.spatial.region_map import RegionMap
+
+REACH_M = 1.0
+"""A landmark is passed where the route comes as near to it (or as near as one cell)."""
+
+Heading = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Passage:
+    """One region of a route."""
+
+    region: str
+    entered_by: str | None
+    """The doorway; None where the route starts."""
+    left_by: str | None
+    """The doorway; None where the route ends."""
+    side: str | None
+    """Where the way out (or the goal) lies from where one comes in, against the heading there: "left", "right",
+    "straight" or "back"; None where the route starts, and where the two are one cell."""
+    turn: str | None
+    """The heading out against the heading in, in the same words; None where the route starts or ends."""
+    steps: int
+    """From its first cell to its last one."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A landmark on a route."""
+
+    name: str
+    kind: str
+    step: int
+    """The first of the steps that are nearest to it."""
+
+
+@dataclass(frozen=True)
+class QuantitySpace:
+    """The landmarks of a route in their order; every step is at some of them, or in the open interval between two."""
+
+    marks: tuple[Mark, ...]
+    """By step; the first is where the route starts, the last where it ends."""
+
+    def position(self, step: int) -> tuple[str, ...]:
+        """The names of the landmarks at a step; or, between landmarks, of the last one before and the first one after.
+
+        Several at one step are told with "=" between them.
+        """
+        at = sorted({mark.step for mark in self.marks})
+        near = [step] if step in at else [max(s for s in at if s < step), min(s for s in at if s > step)]
+        return tuple(" = ".join(mark.name for mark in self.marks if mark.step == s) for s in near)
+
+
+def turned(before: Heading, after: Heading) -> str:
+    """How one heading is turned against another: up to 45 degrees is "straight", from 135 on "back".
+
+    >>> turned((-1, 0), (0, -1))  # up, then to the left
+    'left'
+    """
+    along = before[0] * after[0] + before[1] * after[1]
+    across = before[0] * after[1] - before[1] * after[0]  # above 0 to the left: rows grow downwards
+    if abs(across) <= abs(along):
+        return "straight" if along > 0 else "back"
+    return "left" if across > 0 else "right"
+
+
+def passages(regions: RegionMap, route: Route) -> tuple[Passage, ...]:
+    """The regions of a route, brief excursions over a border and back left out."""
+    path = _cells(route)
+    legs = legs_through([int(regions.label[cell]) for cell in path])
+    ways = [None, *(_crossing(regions, path[leg.last], path[leg.last + 1]) for leg in legs[:-1]), None]
+    return tuple(
+        _passage(regions.region_names[leg.region], path[leg.first], path[leg.last], leg.last - leg.first, ways[at], out)
+        for at, (leg, out) in enumerate(zip(legs, ways[1:], strict=True))
+    )
+
+
+def landmarks_passed(regions: RegionMap, route: Route, ends: tuple[str, str]) -> QuantitySpace:
+    """The order of the landmarks that a route passes within REACH_M, each in a region that it belongs to.
+
+    ends: what to call the start and the goal.
+    """
+    path = np.array(_cells(route))
+    inside = regions.label[path[:, 0], path[:, 1]]
+    reach = max(REACH_M / regions.grid.resolution_m, 1.0)
+    found = [Mark(ends[0], "start", 0), Mark(ends[1], "goal", len(path) - 1)]
+    for landmark in regions.landmarks:
+        steps = np.flatnonzero(np.isin(inside, landmark.regions))
+        if not steps.size:
+            continue
+        away = np.min([((path[steps] - cell) ** 2).sum(axis=1) for cell in landmark.cells], axis=0)
+        if away.min() <= reach**2:
+            found.append(Mark(landmark.name, landmark.kind, int(steps[away.argmin()])))
+    order = {"start": 0, "goal": 2}
+    return QuantitySpace(tuple(sorted(found, key=lambda mark: (mark.step, order.get(mark.kind, 1)))))
+
+
+def _cells(route: Route) -> list[Cell]:
+    return [(row, column) for row, column in route.path.tolist()]
+
+
+def _crossing(regions: RegionMap, here: Cell, there: Cell) -> tuple[str, Heading]:
+    """The doorway between two cells side by side, and the heading through it: at a right angle to its row of cells."""
+    pair = int(regions.label[here]), int(regions.label[there])
+    door = next(
+        door for door in regions.doorways
+        if door.pair == (min(pair), max(pair)) and any((door.cells == cell).all(axis=1).any() for cell in (here, there))
+    )  # fmt: skip
+    step = (there[0] - here[0], there[1] - here[1])
+    steps = np.array([(b[0] - a[0], b[1] - a[1]) for a, b in crossings_of(regions, door)])
+    down, right = (steps.sum(axis=0) * (1 if door.pair == pair else -1)).tolist()
+    # A doorway may run round a thing so that its steps cancel, or bend so far that most lead the other way.
+    return door.name, (down, right) if down * step[0] + right * step[1] > 0 else step
+
+
+def _passage(
+    region: str, first: Cell, last: Cell, steps: int, way_in: tuple[str, Heading] | None,
+    way_out: tuple[str, Heading] | None,
+) -> Passage:  # fmt: skip
+    across = (last[0] - first[0], last[1] - first[1])
+    side = turned(way_in[1], across) if way_in and any(across) else None
+    turn = turned(way_in[1], way_out[1]) if way_in and way_out else None
+    return Passage(region, way_in and way_in[0], way_out and way_out[0], side, turn, steps)
