@@ -8,6 +8,7 @@ from qualrl.errors import SettingError, UnknownNameError
 from qualrl.models.hybrid_mdp import HybridMDP
 
 if TYPE_CHECKING:
+    from qualrl.planning.influences import Influences
     from qualrl.planning.reconcile import Reconciled
     from qualrl.planning.summary import Summary
     from qualrl.planning.what_if import WhatIf
@@ -125,6 +126,21 @@ def which_matters(model: HybridMDP, start: PlaceLike | None = None) -> "WhichMat
     check_type("which_matters", model, HybridMDP, "a HybridMDP, from qualrl.build")
     state, name = start_of(model, start)
     return answers.which_matters(model, state, (name, goal_name(model)))
+
+
+def signs(model: HybridMDP, start: PlaceLike | None = None) -> "Influences":
+    """Which way the plan's value goes when a reward, its length, a doorway's chance to be open, or gamma grows.
+
+    By sign algebra where that tells, else by exact signs for every gamma.  Raises NoPlanError when no way leads to the
+    goal, and SettingError for a model without a map.
+    """
+    from qualrl.planning import influences as answers
+
+    check_type("signs", model, HybridMDP, "a HybridMDP, from qualrl.build")
+    if model.regions is None:
+        raise SettingError("a model without a map has no way of places")
+    state, name = start_of(model, start)
+    return answers.influences(model, state, (name, goal_name(model)))
 
 
 def summary(model: HybridMDP) -> "Summary":

@@ -22,6 +22,7 @@ from qualrl.commands.route import route
 from qualrl.commands.run import run
 from qualrl.commands.schema import schema
 from qualrl.commands.show import show
+from qualrl.commands.signs import signs
 from qualrl.commands.summary import summary
 from qualrl.commands.warmup import warmup
 from qualrl.commands.what_if import what_if
@@ -69,6 +70,7 @@ for command, in_short in (
     (which_matters, "Which doorways and regions the plan hangs on."),
     (why_unreachable, "What is in the way of the goal, and what would open it."),
     (reconcile, "The smallest change that would make an expected plan best."),
+    (signs, "Which way the plan's value goes when something grows."),
     (summary, "The best policy in a sentence a region, and exceptions."),
     (how_sure, "What was learned beside exact values, and how firm it is."),
     (route, "The shortest way between two places of a map."),

@@ -1,0 +1,172 @@
+"""Which way a plan's value goes when something about it grows: by signs alone where they tell, else exactly.
+
+By signs alone: V is the sum of rewards times how often, discounted, they are paid, which is never negative.  So what a
+reward does is plain, slips or not.  One more step of reward r before what is still worth W is worth
+r - (1 - gamma) * W more, discounted: a sum of two, whose signs may leave it open.  Then, and for gamma itself, the
+exact signs of the difference are found for every gamma in (0, 1), where moves do not slip.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import lcm
+from typing import Any
+
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.planning.planner import exact_walk
+from qualrl.planning.trying import trying
+from qualrl.planning.ways import Way, course, way_of
+from qualrl.qualitative.plan_value import Course, Stretch, contrast
+from qualrl.qualitative.sign_intervals import SignIntervals, sign_intervals
+from qualrl.qualitative.signs import Sign, sign_of_sum
+from qualrl.solving.exact import exact_values
+
+
+@dataclass(frozen=True)
+class Influence:
+    """The sign of the change of a plan's value when something grows."""
+
+    of: str
+    by_signs: Sign
+    """For every gamma in (0, 1), by sign algebra."""
+    because: str
+    exact: SignIntervals | None
+    """Where the sign is + and where -; None where signs alone tell, or moves slip."""
+
+    def in_words(self) -> str:
+        """As a line of the answer."""
+        alone = f"{self.of}: {self.by_signs} by signs alone ({self.because})"
+        if self.by_signs != Sign.UNKNOWN:
+            return alone
+        return f"{alone}; {'undecided: moves slip' if self.exact is None else _spans(self.exact)}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON, with the certificate."""
+        exact = None
+        if self.exact is not None:
+            exact = {
+                "signs": [str(Sign.of(sign)) for sign in self.exact.signs],
+                "between": [float(low) for low, _ in self.exact.brackets],
+                "decided": all(self.exact.is_zero),
+                "certificate": self.exact.certificate(),
+            }
+        return {"of": self.of, "by_signs": str(self.by_signs), "because": self.because, "exact": exact}
+
+
+def _spans(found: SignIntervals) -> str:
+    cuts = [0.0, *(float(low) for low, _ in found.brackets), 1.0]
+    signs = [Sign.of(sign) for sign in found.signs]
+    if len(signs) == 1:
+        return f"exactly: {signs[0]} for every gamma in (0, 1), proved"
+    spans = [
+        f"{sign} for gamma in ({low:.6g}, {high:.6g})"
+        for sign, low, high in zip(signs, cuts[:-1], cuts[1:], strict=True)
+    ]
+    last = "proved" if all(found.is_zero) else "proved but where two intervals meet"
+    return f"exactly: {', '.join(spans)}, {last}"
+
+
+@dataclass(frozen=True)
+class Influences:
+    """The answer."""
+
+    start: str
+    goal: str
+    way: Way
+    influences: tuple[Influence, ...]
+
+    def explain(self) -> str:
+        """In words, a line an influence."""
+        lines = [
+            f"From {self.start} to {self.goal}: {self.way.in_words()}, worth {self.way.value:.6g}.",
+            "How its value changes when one thing grows and the way stays:",
+        ]
+        return "\n".join([*lines, *(influence.in_words() for influence in self.influences)])
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON twin of ``explain``."""
+        return {
+            "question": "signs", "from": self.start, "to": self.goal, "way": self.way.to_dict(),
+            "influences": [influence.to_dict() for influence in self.influences],
+            "sentences": self.explain().splitlines(),
+        }  # fmt: skip
+
+
+def influences(model: HybridMDP, start: int, names: tuple[str, str]) -> Influences:
+    """Ask how the value of the best way from a state changes with rewards, its length, doorways' chances and gamma.
+
+    names: what to call start and goal.  Raises NoPlanError where no way leads to the goal.
+    """
+    model.check_reachable(start)
+    exact = exact_values(model.world)
+    walk = exact_walk(model, exact, start)
+    way = way_of(model, [walk], float(exact.value[start]))
+    slips = model.grid.slip > 0
+    found = [
+        Influence("the goal's reward", Sign.PLUS, "it is paid, discounted", None),
+        Influence(
+            "a step's reward",
+            Sign.PLUS if len(walk) > 2 or slips else Sign.ZERO,
+            "it is paid as often as steps are made",
+            None,
+        ),
+    ]
+    found += _of_lengths(course(model, walk), slips)
+    found += () if slips else _of_doors(model, walk, way)
+    found.append(_of_gamma(course(model, walk), slips))
+    return Influences(*names, way, tuple(found))
+
+
+def _of_lengths(of: Course, slips: bool) -> Iterator[Influence]:
+    """One more step like the first one in each place."""
+    told = set[str]()
+    for at, stretch in enumerate(of.stretches):
+        if stretch.place in told or (at == len(of.stretches) - 1 and stretch.steps == 1):
+            continue
+        told.add(stretch.place)
+        ahead = sign_of_sum(Sign.of(later.reward) for later in of.stretches[at:])
+        signs = Sign.of(stretch.reward), Sign.MINUS.times(ahead)
+        longer = Course((*of.stretches[:at], Stretch(stretch.place, 1, stretch.reward), *of.stretches[at:]))
+        by_signs = sign_of_sum(signs)
+        is_open = by_signs == Sign.UNKNOWN and not slips
+        because = f"its reward {signs[0]}, what is ahead put off {signs[1]}"
+        yield Influence(
+            f"a step more in {stretch.place}", by_signs, because, contrast(longer, of).signs if is_open else None
+        )
+
+
+def _of_doors(model: HybridMDP, walk: Sequence[int], way: Way) -> Iterator[Influence]:
+    """How likely each doorway of the way is to be open, for one who goes there and sees."""
+    for door in dict.fromkeys(way.doors):
+        after, of = model.with_closed([door]), f"the chance that {door} is open"
+        if not after.can_reach[walk[0]]:
+            yield Influence(of, Sign.PLUS, "without it no way leads to the goal", None)
+            continue
+        exact = exact_values(after.world)
+        tried = trying(model, after, walk, exact_walk(after, exact, walk[0]), exact, None)
+        if tried is not None:  # else a diagonal step passes it by
+            because = "on through it +, back and round -"
+            yield Influence(of, Sign.UNKNOWN, because, tried.break_even.grows.signs)
+
+
+def _of_gamma(of: Course, slips: bool) -> Influence:
+    """The sign of dV / dgamma: with N = (1 - gamma) * V, that of (1 - gamma) * N' + N."""
+    signs = [Sign.of(stretch.reward) for at, stretch in enumerate(of.stretches) if at or stretch.steps > 1]
+    by_signs = sign_of_sum(signs)
+    because = f"later rewards {', '.join(dict.fromkeys(signs)) or 'none'}"
+    exact = sign_intervals(_whole(_slope(of))) if by_signs == Sign.UNKNOWN and not slips else None
+    return Influence("gamma", by_signs, because, exact)
+
+
+def _slope(of: Course) -> dict[int, Fraction]:
+    found: dict[int, Fraction] = {}
+    for exponent, value in of.terms().items():
+        for power, share in ((exponent - 1, exponent * value), (exponent, (1 - exponent) * value)):
+            if share:
+                found[power] = found.get(power, Fraction(0)) + share
+    return {power: share for power, share in found.items() if share}
+
+
+def _whole(terms: dict[int, Fraction]) -> dict[int, int]:
+    scale = lcm(*(of.denominator for of in terms.values()))
+    return {power: int(of * scale) for power, of in terms.items()}
