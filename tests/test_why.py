@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import qualrl
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError
 from qualrl.planning.account import account_of_policy, account_of_walk
-from qualrl.planning.through import best_moves, way_through
+from qualrl.planning.through import way_through
 from qualrl.planning.ways import course
 from qualrl.qualitative.graph import crossings_of
 from qualrl.solving.exact import exact_values
@@ -116,9 +116,8 @@ def test_a_walks_account_is_its_rewards_by_place(ends, directions):
 def test_a_policys_account_is_the_mean_of_walks():
     model = model_of(((2, 2), (8, 24)), (8, 0.3), gamma=0.97)
     world, exact = model.grid, exact_values(model.world)
-    moves = np.array(
-        [int(best_moves(world, exact.shifted, exact.shift, state).argmax()) for state in range(len(world))]
-    )
+    slope = Slope(world, world.successor, exact.shifted, exact.shift)
+    moves = np.array([int(slope.best_moves(state).argmax()) for state in range(len(world))])
     account = account_of_policy(model, world.successor.astype(np.int64), moves, np.arange(len(world)), model.start)
     generator, n_walks = np.random.default_rng(0), 3000
     found = {key: np.zeros(n_walks) for key in account}

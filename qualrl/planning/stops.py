@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.errors import NoPlanError, UnknownNameError
-from qualrl.kernels.bellman import grid_backup
 from qualrl.kernels.grid import breadth_first
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.planner import exact_walk
+from qualrl.planning.slope import Slope
 from qualrl.qualitative.graph import crossings_of
 from qualrl.solving.exact import ExactValues, settle_outward
 from qualrl.spatial.region_map import RegionMap
@@ -51,7 +51,8 @@ def way_by(model: HybridMDP, exact: ExactValues, start: int, stops: Sequence[str
     for name, stop, ahead in zip(stops, cells, reversed(values[1:]), strict=True):
         if not np.isfinite(ahead[here]):
             raise NoPlanError(f"no way leads from {model.describe(here)} to {name} without passing the goal first")
-        parts.append(tuple(_walk_to(world, before_goal, stop, ahead, exact.shift, here)))
+        slope = Slope(world, before_goal, ahead, exact.shift, has_goal=False)
+        parts.append(tuple(slope.walk(here, _is_in(world, stop))))
         here = parts[-1][-1]
     parts.append(tuple(exact_walk(model, exact, here)))
     return StoppingWay(tuple(parts), float(values[-1][start] - exact.shift))
@@ -79,6 +80,13 @@ def _cells(regions: RegionMap, name: str) -> list[tuple[int, int]]:
     raise UnknownNameError(regions.why_not(name, "no place", regions.all_names))
 
 
+def _is_in(world: GridWorld, states: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(S,) whether a state is one of some."""
+    found = np.zeros(len(world), np.bool_)
+    found[states] = True
+    return found
+
+
 def _without_goal(world: GridWorld) -> NDArray[np.uint32]:
     """(S, A) where moves lead when the goal is a wall."""
     own = np.arange(len(world), dtype=np.uint32)[:, None]
@@ -103,22 +111,3 @@ def _values_to(
         value,
     )  # fmt: skip
     return value
-
-
-def _walk_to(
-    world: GridWorld, successor: NDArray[np.uint32], stop: NDArray[np.int64], ahead: NDArray[np.float64],
-    shift: float, start: int,
-) -> list[int]:  # fmt: skip
-    """States from a start to the first one of a stop, up the values."""
-    reached = np.zeros(len(world), np.bool_)
-    reached[stop] = True
-    reward = world.move_reward + shift * (1 - world.gamma)
-    q, walk, last = np.empty(world.n_actions), [start], 0
-    while not reached[walk[-1]]:
-        grid_backup(successor, reward, -1, 0.0, world.gamma, world.slip, ahead, walk[-1], q)
-        good = q >= q.max() - 1e-12 * abs(q.max())
-        last = last if good[last] else int(good.argmax())
-        walk.append(int(successor[walk[-1], last]))
-        if len(walk) > len(world):
-            raise NoPlanError(f"gamma {world.gamma} fades to nothing on the way; choose gamma nearer to 1")
-    return walk

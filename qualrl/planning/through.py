@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.errors import NoPlanError
-from qualrl.kernels.bellman import grid_backup
 from qualrl.kernels.grid import breadth_first
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.planner import exact_walk
+from qualrl.planning.slope import Slope
 from qualrl.qualitative.graph import crossings_of
 from qualrl.solving.exact import ExactValues, settle_outward
 from qualrl.spatial.region_map import Doorway
@@ -27,10 +27,8 @@ class ThroughWay:
     parts: tuple[tuple[int, ...], ...]
     """States up to the first one beyond the doorway, and from there to the goal."""
     value: float
-    world: GridWorld
-    """With the region's other doorways shut."""
-    shifted: NDArray[np.float64]
-    """(S,) shifted values in the region and just beyond the doorway; -inf elsewhere."""
+    slope: Slope
+    """Of the region and just beyond the doorway, the region's other doorways shut; -inf elsewhere."""
 
     @property
     def walk(self) -> tuple[int, ...]:
@@ -54,9 +52,10 @@ def way_through(model: HybridMDP, exact: ExactValues, start: int, door: Doorway)
     shifted = _values_inside(model, world, region, beyond, exact)
     if not np.isfinite(shifted[start]):
         raise NoPlanError(f"{door.name} cannot be reached from {model.describe(start)} inside its region")
-    first = _walk_out(world, shifted, exact.shift, start, region, model.region_of)
+    slope = Slope(world, world.successor, shifted, exact.shift)
+    first = slope.walk(start, model.region_of != region)
     rest = [first[-1]] if first[-1] == world.goal else exact_walk(model, exact, first[-1])
-    return ThroughWay((tuple(first), tuple(rest)), float(shifted[start] - exact.shift), world, shifted)
+    return ThroughWay((tuple(first), tuple(rest)), float(shifted[start] - exact.shift), slope)
 
 
 def _values_inside(
@@ -72,27 +71,3 @@ def _values_inside(
         world.goal_reward + exact.shift, world.gamma, world.slip, shifted,
     )  # fmt: skip
     return shifted
-
-
-def best_moves(world: GridWorld, shifted: NDArray[np.float64], shift: float, state: int) -> NDArray[np.bool_]:
-    """(A,) which moves are best at a state, by shifted values, to a relative 1e-12."""
-    q = np.empty(world.n_actions)
-    reward = world.move_reward + shift * (1 - world.gamma)
-    grid_backup(
-        world.successor, reward, world.goal, world.goal_reward + shift, world.gamma, world.slip, shifted, state, q
-    )
-    return np.asarray(q >= q.max() - 1e-12 * abs(q.max()))
-
-
-def _walk_out(
-    world: GridWorld, shifted: NDArray[np.float64], shift: float, start: int, region: int, region_of: NDArray[np.int32]
-) -> list[int]:
-    """States from a start to the first one outside its region, up the values; straight on where that is as good."""
-    walk, last = [start], 0
-    while region_of[walk[-1]] == region:
-        good = best_moves(world, shifted, shift, walk[-1])
-        last = last if good[last] else int(good.argmax())
-        walk.append(int(world.successor[walk[-1], last]))
-        if len(walk) > len(world):
-            raise NoPlanError(f"gamma {world.gamma} fades to nothing on the way; choose gamma nearer to 1")
-    return walk

@@ -16,7 +16,8 @@ from qualrl.planning.choices import Chooser
 from qualrl.planning.crossings import door_taken
 from qualrl.planning.legs import legs_of
 from qualrl.planning.planner import exact_walk
-from qualrl.planning.through import ThroughWay, best_moves, way_through
+from qualrl.planning.slope import Slope
+from qualrl.planning.through import ThroughWay, way_through
 from qualrl.planning.values import exact_plan_values
 from qualrl.planning.ways import Way, course, way_of
 from qualrl.qualitative.plan_value import Contrast, contrast
@@ -165,27 +166,23 @@ def _expected(model: HybridMDP, exact: ExactValues, start: int, through: Through
     world = model.grid
     everywhere = np.arange(len(world))
     onward = world.successor.astype(np.int64)
-    best = _policy(model, exact.shifted, exact.shift, everywhere)
+    best = _policy(Slope(world, world.successor, exact.shifted, exact.shift), everywhere)
     first = account_of_policy(model, onward, best, everywhere, start)
     region = int(model.region_of[start])
     inside = np.flatnonzero(model.region_of == region)  # states N .. N + n - 1 of a world that has them twice
     number = np.arange(len(world))
     number[inside] = len(world) + np.arange(len(inside))
-    both = np.concatenate([onward, number[through.world.successor[inside].astype(np.int64)]])
-    shut = _policy(model, through.shifted, exact.shift, inside, through)
+    both = np.concatenate([onward, number[through.slope.successor[inside].astype(np.int64)]])
+    shut = _policy(through.slope, inside)
     second = account_of_policy(
         model, both, np.concatenate([best, shut]), np.concatenate([everywhere, inside]), int(number[start])
     )
     return first, second
 
 
-def _policy(
-    model: HybridMDP, shifted: NDArray[np.float64], shift: float, states: NDArray[np.int64],
-    through: ThroughWay | None = None,
-) -> NDArray[np.int64]:  # fmt: skip
+def _policy(slope: Slope, states: NDArray[np.int64]) -> NDArray[np.int64]:
     """(n,) a best move at each state."""
-    world = model.grid if through is None else through.world
-    return np.array([int(best_moves(world, shifted, shift, state).argmax()) for state in states.tolist()], np.int64)
+    return np.array([int(slope.best_moves(state).argmax()) for state in states.tolist()], np.int64)
 
 
 def _entries(best: Account, other: Account) -> tuple[Entry, ...]:
