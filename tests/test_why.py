@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import qualrl
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError
 from qualrl.planning.account import account_of_policy, account_of_walk
+from qualrl.planning.slope import Slope
 from qualrl.planning.through import way_through
 from qualrl.planning.ways import course
 from qualrl.qualitative.graph import crossings_of
