@@ -19,10 +19,10 @@ from qualrl.spatial.place import read_place
 from qualrl.spatial.region_map import RegionMap
 
 if TYPE_CHECKING:
+    from qualrl.answers.how_sure import HowSure
     from qualrl.learning.changes import Change
     from qualrl.learning.online import Online
     from qualrl.learning.trainer import Milestone
-    from qualrl.planning.how_sure import HowSure
     from qualrl.planning.plan import Plan
     from qualrl.qualitative.checking import Checked
 
@@ -51,8 +51,8 @@ class Training(LearningRun):
         Raises NoPlanError when no way leads from the start (by default the model's own) to the goal, and SettingError
         where visits cannot be counted.
         """
+        from qualrl.answers.how_sure import how_sure
         from qualrl.learning.counting import visits_again
-        from qualrl.planning.how_sure import how_sure
 
         counted = replace(self, visits=visits_again(self)) if count and self.visits is None else self
         return how_sure(counted, *start_of(self.model, start))

@@ -8,14 +8,14 @@ from qualrl.errors import SettingError, UnknownNameError
 from qualrl.models.hybrid_mdp import HybridMDP
 
 if TYPE_CHECKING:
-    from qualrl.planning.influences import Influences
-    from qualrl.planning.reconcile import Reconciled
-    from qualrl.planning.summary import Summary
-    from qualrl.planning.what_if import WhatIf
-    from qualrl.planning.which_matters import WhichMatters
-    from qualrl.planning.why import Why
-    from qualrl.planning.why_not import WhyNot
-    from qualrl.planning.why_unreachable import WhyUnreachable
+    from qualrl.answers.influences import Influences
+    from qualrl.answers.reconcile import Reconciled
+    from qualrl.answers.summary import Summary
+    from qualrl.answers.what_if import WhatIf
+    from qualrl.answers.which_matters import WhichMatters
+    from qualrl.answers.why import Why
+    from qualrl.answers.why_not import WhyNot
+    from qualrl.answers.why_unreachable import WhyUnreachable
 
 
 def why(model: HybridMDP, at: str | None = None, start: PlaceLike | None = None) -> "Why":
@@ -23,7 +23,7 @@ def why(model: HybridMDP, at: str | None = None, start: PlaceLike | None = None)
 
     at: a region, by default the start's.  Raises UnknownNameError, and NoPlanError when no way leads to the goal.
     """
-    from qualrl.planning import why as answers
+    from qualrl.answers import why as answers
 
     check_type("why", model, HybridMDP, "a HybridMDP, from qualrl.build")
     if model.regions is None:
@@ -38,7 +38,7 @@ def why_not(model: HybridMDP, via: str | Sequence[str], start: PlaceLike | None 
 
     via: names of regions, doorways or landmarks.  Raises NoPlanError when no way leads by them, UnknownNameError.
     """
-    from qualrl.planning import why_not as answers
+    from qualrl.answers import why_not as answers
 
     check_type("why_not", model, HybridMDP, "a HybridMDP, from qualrl.build")
     if model.regions is None:
@@ -52,7 +52,7 @@ def what_if(
     start: PlaceLike | None = None,
     *,
     close: str | Iterable[str] = (),
-    open: tuple[str, str] | None = None,  # noqa: A002: what it is called on a door
+    open: tuple[str, str] | None = None,
     chance: float | None = None,
     **numbers: float,
 ) -> "WhatIf":
@@ -62,7 +62,7 @@ def what_if(
     all.  open: two regions, to open the thinnest wall between them.  numbers: gamma, slip, directions, step_reward,
     goal_reward.  Raises UnknownNameError, SettingError, and NoPlanError where no way leads to the goal as it is.
     """
-    from qualrl.planning import changed_model
+    from qualrl.answers import changed_model
 
     check_type("what_if", model, HybridMDP, "a HybridMDP, from qualrl.build")
     changed = changed_model.with_numbers(model, **numbers) if numbers else model
@@ -81,8 +81,8 @@ def compared(
     chance: float | None = None,
 ) -> "WhatIf":
     """``what_if`` of a model and one that is changed already, as the words ``told`` say; close and open change more."""
-    from qualrl.planning import changed_model
-    from qualrl.planning import what_if as answers
+    from qualrl.answers import changed_model
+    from qualrl.answers import what_if as answers
 
     if model.regions is None or changed.regions is None:
         raise SettingError("a model without a map has nothing to close or open")
@@ -105,7 +105,7 @@ def reconcile(model: HybridMDP, expected: Sequence[str], start: PlaceLike | None
     expected: the regions it passes, in their order, from the start's to the goal's.
     Raises UnknownNameError, SettingError, and NoPlanError where nothing would do.
     """
-    from qualrl.planning import reconcile as answers
+    from qualrl.answers import reconcile as answers
 
     check_type("reconcile", model, HybridMDP, "a HybridMDP, from qualrl.build")
     if model.regions is None:
@@ -121,7 +121,7 @@ def which_matters(model: HybridMDP, start: PlaceLike | None = None) -> "WhichMat
 
     Raises NoPlanError when no way leads to the goal, and SettingError for a model without a map.
     """
-    from qualrl.planning import which_matters as answers
+    from qualrl.answers import which_matters as answers
 
     check_type("which_matters", model, HybridMDP, "a HybridMDP, from qualrl.build")
     state, name = start_of(model, start)
@@ -134,7 +134,7 @@ def signs(model: HybridMDP, start: PlaceLike | None = None) -> "Influences":
     By sign algebra where that tells, else by exact signs for every gamma.  Raises NoPlanError when no way leads to the
     goal, and SettingError for a model without a map.
     """
-    from qualrl.planning import influences as answers
+    from qualrl.answers import influences as answers
 
     check_type("signs", model, HybridMDP, "a HybridMDP, from qualrl.build")
     if model.regions is None:
@@ -148,7 +148,7 @@ def summary(model: HybridMDP) -> "Summary":
 
     Raises SettingError for a model without a map.
     """
-    from qualrl.planning import summary as answers
+    from qualrl.answers import summary as answers
 
     check_type("summary", model, HybridMDP, "a HybridMDP, from qualrl.build")
     return answers.summary(model, goal_name(model))
@@ -160,8 +160,8 @@ def why_unreachable(model: HybridMDP, start: PlaceLike | None = None) -> "WhyUnr
     The map's file is read again for its thresholds.  Where a way leads, the answer says so.  Raises SettingError for a
     model without a map.
     """
+    from qualrl.answers import why_unreachable as answers
     from qualrl.io.ros_thresholds import other_thresholds
-    from qualrl.planning import why_unreachable as answers
 
     check_type("why_unreachable", model, HybridMDP, "a HybridMDP, from qualrl.build")
     state, name = start_of(model, start)

@@ -10,9 +10,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import qualrl
+from qualrl.answers import reconcile as questions
+from qualrl.answers.ways import course
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError
-from qualrl.planning import reconcile as questions
-from qualrl.planning.ways import course
 from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
 from tests.test_planning import LOOP

@@ -9,8 +9,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import qualrl
+from qualrl.answers.ways import course
 from qualrl.errors import SettingError
-from qualrl.planning.ways import course
 from qualrl.qualitative.plan_value import Course, Stretch
 from qualrl.qualitative.signs import Sign, sign_of_sum
 from qualrl.solving.exact import exact_values

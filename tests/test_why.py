@@ -9,11 +9,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import qualrl
+from qualrl.answers.account import account_of_policy, account_of_walk
+from qualrl.answers.slope import Slope
+from qualrl.answers.through import way_through
+from qualrl.answers.ways import course
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError
-from qualrl.planning.account import account_of_policy, account_of_walk
-from qualrl.planning.slope import Slope
-from qualrl.planning.through import way_through
-from qualrl.planning.ways import course
 from qualrl.qualitative.graph import crossings_of
 from qualrl.solving.exact import exact_values
 from tests.command_here import qualrl as qualrl_command

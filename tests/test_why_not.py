@@ -13,8 +13,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import qualrl
+from qualrl.answers.stops import states_at, way_by
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError
-from qualrl.planning.stops import states_at, way_by
 from qualrl.qualitative.plan_value import Course, Stretch, contrast, course_of
 from qualrl.solving.exact import exact_values
 from tests.certificates import check_signs

@@ -12,9 +12,9 @@ from qualrl.commands.options import AsJson, Debug, Quiet, ScenarioFile, Settings
 from qualrl.commands.questions import From, asked, told
 
 if TYPE_CHECKING:
+    from qualrl.answers.why_unreachable import WhyUnreachable
     from qualrl.io.output_folder import OutputFolder
     from qualrl.models.hybrid_mdp import HybridMDP
-    from qualrl.planning.why_unreachable import WhyUnreachable
 
 NO_PLAN = 1
 

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.answers.blocked import Blocked
+from qualrl.answers.openings import OtherThresholds, first_to_open
 from qualrl.errors import MapError
 from qualrl.io.files import read_bytes
 from qualrl.io.images import MOST_FILE_BYTES, Image, decode_image, image_kind, read_image
 from qualrl.io.ros_arithmetic import DIALECTS, MODES, RosSettings, occupancy
 from qualrl.io.ros_map import read_map_yaml
-from qualrl.planning.blocked import Blocked
-from qualrl.planning.openings import OtherThresholds, first_to_open
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 
 Free = Callable[[RosSettings], NDArray[np.bool_]]

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from qualrl.planning.openings import Cleared, OtherThresholds, SmallerRobot
-from qualrl.planning.why_unreachable import WhyUnreachable
+from qualrl.answers.openings import Cleared, OtherThresholds, SmallerRobot
+from qualrl.answers.why_unreachable import WhyUnreachable
 from qualrl.report.furniture import Entry
 from qualrl.report.lettering import DPI, Lettering, px
 from qualrl.report.name_places import Room, place_names

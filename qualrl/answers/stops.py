@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.answers.slope import Slope
 from qualrl.errors import NoPlanError, UnknownNameError
 from qualrl.kernels.grid import breadth_first
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.planner import exact_walk
-from qualrl.planning.slope import Slope
 from qualrl.qualitative.graph import crossings_of
 from qualrl.solving.exact import ExactValues, settle_outward
 from qualrl.spatial.region_map import RegionMap

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from qualrl.answers.ways import course
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.crossings import door_taken
 from qualrl.planning.planner import exact_walk
-from qualrl.planning.ways import course
 from qualrl.qualitative.break_even import BreakEven
 from qualrl.qualitative.plan_value import Chance, Contrast, contrast
 from qualrl.solving.exact import ExactValues

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.answers.account import Account, account_of_policy, account_of_walk
+from qualrl.answers.slope import Slope
+from qualrl.answers.through import ThroughWay, way_through
+from qualrl.answers.ways import Way, course, way_of
 from qualrl.models.hybrid_mdp import HybridMDP
-from qualrl.planning.account import Account, account_of_policy, account_of_walk
 from qualrl.planning.choices import Chooser
 from qualrl.planning.crossings import door_taken
 from qualrl.planning.legs import legs_of
 from qualrl.planning.planner import exact_walk
-from qualrl.planning.slope import Slope
-from qualrl.planning.through import ThroughWay, way_through
 from qualrl.planning.values import exact_plan_values
-from qualrl.planning.ways import Way, course, way_of
 from qualrl.qualitative.plan_value import Contrast, contrast
 from qualrl.solving.exact import ExactValues, exact_values
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from qualrl.planning.blocked import Blocked, Crossing, Flags, Kinds, Way
+from qualrl.answers.blocked import Blocked, Crossing, Flags, Kinds, Way
 from qualrl.spatial.footprint import SLACK, clearance, has_room, rounded_down
 
 MOST_TOLD = 3

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from qualrl.answers.stops import way_by
+from qualrl.answers.ways import Way, course, more, way_of
 from qualrl.errors import SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.planner import exact_walk
-from qualrl.planning.stops import way_by
-from qualrl.planning.ways import Way, course, more, way_of
 from qualrl.qualitative.plan_value import Contrast, contrast
 from qualrl.solving.exact import exact_values
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
+from qualrl.answers.changed_model import with_opened
+from qualrl.answers.ways import Way, way_of
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError
 from qualrl.models.hybrid_mdp import HybridMDP
-from qualrl.planning.changed_model import with_opened
 from qualrl.planning.planner import exact_walk
-from qualrl.planning.ways import Way, way_of
 from qualrl.solving.exact import exact_values
 
 MOST_SOLVED = 1000

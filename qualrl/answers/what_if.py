@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.answers.changed_model import with_numbers
+from qualrl.answers.trying import Trying, trying
+from qualrl.answers.ways import Way, course, more, way_of
 from qualrl.errors import SettingError
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
-from qualrl.planning.changed_model import with_numbers
 from qualrl.planning.exits import ASTRAY, exits
 from qualrl.planning.planner import exact_walk
-from qualrl.planning.trying import Trying, trying
-from qualrl.planning.ways import Way, course, more, way_of
 from qualrl.qualitative.plan_value import Contrast, contrast
 from qualrl.solving.exact import ExactValues, exact_values
 

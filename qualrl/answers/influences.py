@@ -12,10 +12,10 @@ from fractions import Fraction
 from math import lcm
 from typing import Any
 
+from qualrl.answers.trying import trying
+from qualrl.answers.ways import Way, course, way_of
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.planner import exact_walk
-from qualrl.planning.trying import trying
-from qualrl.planning.ways import Way, course, way_of
 from qualrl.qualitative.plan_value import Course, Stretch, contrast
 from qualrl.qualitative.sign_intervals import SignIntervals, sign_intervals
 from qualrl.qualitative.signs import Sign, sign_of_sum

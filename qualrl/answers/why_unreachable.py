@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from qualrl.answers.blocked import Blocked, Crossing, Flags, Kinds, Way, least_obstacle
+from qualrl.answers.openings import Opening, cleared, open_doorways, smaller_robot
 from qualrl.errors import SettingError
 from qualrl.kernels.grid import breadth_first
 from qualrl.models.hybrid_mdp import HybridMDP
-from qualrl.planning.blocked import Blocked, Crossing, Flags, Kinds, Way, least_obstacle
-from qualrl.planning.openings import Opening, cleared, open_doorways, smaller_robot
 from qualrl.planning.planner import length_m
 
 MOST_TOLD = 5
