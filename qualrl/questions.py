@@ -8,6 +8,7 @@ from qualrl.errors import SettingError, UnknownNameError
 from qualrl.models.hybrid_mdp import HybridMDP
 
 if TYPE_CHECKING:
+    from qualrl.answers.envision import Envisioned
     from qualrl.answers.influences import Influences
     from qualrl.answers.reconcile import Reconciled
     from qualrl.answers.summary import Summary
@@ -141,6 +142,20 @@ def signs(model: HybridMDP, start: PlaceLike | None = None) -> "Influences":
         raise SettingError("a model without a map has no way of places")
     state, name = start_of(model, start)
     return answers.influences(model, state, (name, goal_name(model)))
+
+
+def envision(model: HybridMDP, start: PlaceLike | None = None) -> "Envisioned":
+    """What may happen on the best way: regions and doorways it may pass, each branch with bounds of its probability.
+
+    Raises NoPlanError when no way leads to the goal, and SettingError for a model without a map.
+    """
+    from qualrl.answers import envision as answers
+
+    check_type("envision", model, HybridMDP, "a HybridMDP, from qualrl.build")
+    if model.regions is None:
+        raise SettingError("a model without a map has no doorways to tell its states by")
+    state, name = start_of(model, start)
+    return answers.envision(model, state, (name, goal_name(model)))
 
 
 def summary(model: HybridMDP) -> "Summary":

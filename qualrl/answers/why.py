@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.answers.account import Account, account_of_policy, account_of_walk
+from qualrl.answers.policy import best_policy
 from qualrl.answers.slope import Slope
 from qualrl.answers.through import ThroughWay, way_through
 from qualrl.answers.ways import Way, course, way_of
@@ -166,7 +167,7 @@ def _expected(model: HybridMDP, exact: ExactValues, start: int, through: Through
     world = model.grid
     everywhere = np.arange(len(world))
     onward = world.successor.astype(np.int64)
-    best = _policy(Slope(world, world.successor, exact.shifted, exact.shift), everywhere)
+    best = best_policy(model, exact)
     first = account_of_policy(model, onward, best, everywhere, start)
     region = int(model.region_of[start])
     inside = np.flatnonzero(model.region_of == region)  # states N .. N + n - 1 of a world that has them twice

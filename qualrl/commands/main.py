@@ -11,6 +11,7 @@ from qualrl import __version__
 from qualrl.commands.check import check
 from qualrl.commands.convert import convert
 from qualrl.commands.describe import describe
+from qualrl.commands.envision import envision
 from qualrl.commands.how_sure import how_sure
 from qualrl.commands.learn import learn
 from qualrl.commands.learners import learners
@@ -71,6 +72,7 @@ for command, in_short in (
     (why_unreachable, "What is in the way of the goal, and what would open it."),
     (reconcile, "The smallest change that would make an expected plan best."),
     (signs, "Which way the plan's value goes when something grows."),
+    (envision, "What may happen on the way, each branch with its probability."),
     (summary, "The best policy in a sentence a region, and exceptions."),
     (how_sure, "What was learned beside exact values, and how firm it is."),
     (route, "The shortest way between two places of a map."),

@@ -1,0 +1,261 @@
+"""What may happen under the best policy, region by region: the attainable qualitative states and their branches.
+
+A qualitative state is a region and the doorway by which it was entered.  Which doorway it is left by may hang on the
+cell where one comes in, and where moves slip on chance: so a branch has a least and a greatest probability over those
+cells, and it is shown as long as it is possible.  The next state is left open to no more than that: bounds of a course
+of states multiply.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, eye_array
+from scipy.sparse.linalg import splu
+
+from qualrl.answers.policy import best_policy
+from qualrl.errors import NoPlanError, SettingError
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.planning.crossings import doors_passed
+from qualrl.planning.exits import GOAL_HERE, exits
+from qualrl.qualitative.graph import crossings_of
+from qualrl.solving.exact import ExactValues, exact_values
+from qualrl.spatial.region_map import RegionMap
+
+GOAL = GOAL_HERE
+"""Instead of a doorway: the goal, in the region itself."""
+START = -1
+"""Instead of the doorway that a region was entered by."""
+SELDOM = 0.001
+"""Branches that are never likelier are put in words by their number; JSON has all."""
+MOST_COURSES = 5
+"""So many courses are put in words."""
+LONGEST_SEARCH = 100_000
+"""States that are gone through to find courses."""
+MOST_CELLS = 300_000
+"""Of a region whose equations are solved: some gigabytes."""
+IMPOSSIBLE = 1e-12
+"""Probabilities this small are rounding."""
+
+State = tuple[int, int]
+"""A region, and the doorway it was entered by."""
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One way on from a qualitative state."""
+
+    door: str | None
+    """None for the goal."""
+    to: State | None
+    least: float
+    most: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON; the next state is named by ``Envisioned``."""
+        return {"door": self.door, "least": self.least, "most": self.most}
+
+
+@dataclass(frozen=True)
+class Course:
+    """States from the start to the goal, none twice, and between what bounds the probability lies to take it."""
+
+    states: tuple[State, ...]
+    least: float
+    most: float
+
+
+@dataclass(frozen=True)
+class Envisioned:
+    """The answer."""
+
+    start: str
+    goal: str
+    names: tuple[str, ...]
+    """Of the regions."""
+    doors: tuple[str, ...]
+    branches: dict[State, tuple[Branch, ...]]
+    """Of each attainable state, the likeliest first; in the order in which they are found from the start."""
+    of_all: int
+    """Regions and doorways into them: as many states are there, attainable or not."""
+    courses: tuple[Course, ...]
+    """The likeliest first, by their greatest probability."""
+    has_all_courses: bool
+
+    def explain(self) -> str:
+        """In words, a line a state."""
+        lines = [
+            f"Attainable from {self.start} on the way to {self.goal}: {len(self.branches)} of {self.of_all} states."
+        ]
+        lines += [self._state_in_words(state) for state in self.branches]
+        many = "" if self.has_all_courses else "at least "
+        lines.append(f"Courses without coming back to a state: {many}{len(self.courses)}, the likeliest first:")
+        for course in self.courses[:MOST_COURSES]:
+            places = " -> ".join(self.names[region] for region, _ in course.states)
+            lines.append(f"  {places}: {_bounds(course.least, course.most)}")
+        return "\n".join(lines)
+
+    def _state_in_words(self, state: State) -> str:
+        told = [branch for branch in self.branches[state] if branch.most >= SELDOM]
+        ways = [f"{self._on(branch)} ({_bounds(branch.least, branch.most)})" for branch in told]
+        seldom = len(self.branches[state]) - len(told)
+        ways += [f"{seldom} more, none above {SELDOM:g}"] if seldom else []
+        return f"{self.called(state)}: {'; '.join(ways) or 'no way on'}"
+
+    def _on(self, branch: Branch) -> str:
+        return "to the goal" if branch.to is None else f"by {branch.door} to {self.names[branch.to[0]]}"
+
+    def called(self, state: State) -> str:
+        """A state in words."""
+        region, door = state
+        return self.names[region] if door == START else f"{self.names[region]}, entered by {self.doors[door]}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON twin of ``explain``."""
+        states = [
+            {
+                "region": self.names[region], "entered_by": None if door == START else self.doors[door],
+                "branches": [
+                    of.to_dict() | {"to": None if of.to is None else self.names[of.to[0]]}
+                    for of in self.branches[region, door]
+                ],
+            }
+            for region, door in self.branches
+        ]  # fmt: skip
+        courses = [
+            {"places": [self.names[region] for region, _ in of.states], "least": of.least, "most": of.most}
+            for of in self.courses
+        ]
+        return {
+            "question": "envision", "from": self.start, "to": self.goal, "states": states, "of_all": self.of_all,
+            "courses": courses, "has_all_courses": self.has_all_courses, "sentences": self.explain().splitlines(),
+        }  # fmt: skip
+
+
+def _bounds(least: float, most: float) -> str:
+    if least >= 1 - IMPOSSIBLE:
+        return "surely"
+    return f"{least:.3g}" if most - least < IMPOSSIBLE else f"{least:.3g} to {most:.3g}"
+
+
+def envision(model: HybridMDP, start: int, names: tuple[str, str]) -> Envisioned:
+    """Ask what may happen on the way from a state to the goal under the best policy.
+
+    names: what to call start and goal.  Raises NoPlanError where no way leads to the goal.
+    """
+    regions = model.regions
+    assert regions is not None
+    model.check_reachable(start)
+    leaving = _Leaving(model, regions, exact_values(model.world))
+    first = (int(model.region_of[start]), START)
+    branches: dict[State, tuple[Branch, ...]] = {}
+    edge = {first: np.array([start])}
+    while edge:
+        state, cells = next(iter(edge.items()))
+        del edge[state]
+        branches[state] = leaving.branches(state[0], cells)
+        for branch in branches[state]:
+            if branch.to is not None and branch.to not in branches:
+                edge.setdefault(branch.to, leaving.cells_beyond(*branch.to))
+    doors = tuple(door.name for door in regions.doorways)
+    courses, has_all = _courses(branches, first)
+    of_all = 1 + 2 * len(doors)
+    return Envisioned(*names, model.region_names, doors, branches, of_all, courses, has_all)
+
+
+class _Leaving:
+    """By which doorways the best policy leaves regions."""
+
+    def __init__(self, model: HybridMDP, regions: RegionMap, exact: ExactValues) -> None:
+        self.model, self.regions = model, regions
+        self.known: dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
+        if model.grid.slip > 0:
+            self.moves = best_policy(model, exact)
+        else:
+            self.exits = exits(model, regions, exact)
+
+    def branches(self, region: int, cells: NDArray[np.int64]) -> tuple[Branch, ...]:
+        """The ways on from some cells of a region."""
+        doors, chances = self._chances(region, cells)
+        found = []
+        for door, chance in zip(doors.tolist(), chances.T, strict=True):
+            if chance.max() > IMPOSSIBLE:
+                least, most = (float(min(max(of, 0.0), 1.0)) for of in (chance.min(), chance.max()))
+                found.append(self._branch(region, door, least, most))
+        return tuple(sorted(found, key=lambda branch: (-branch.most, branch.door or "")))
+
+    def _branch(self, region: int, door: int, least: float, most: float) -> Branch:
+        if door == GOAL:
+            return Branch(None, None, least, most)
+        pair = self.regions.doorways[door].pair
+        beyond = pair[1 - pair.index(region)]
+        return Branch(self.regions.doorways[door].name, (beyond, door), least, most)
+
+    def cells_beyond(self, region: int, door: int) -> NDArray[np.int64]:
+        """States of a region by which it is entered through a doorway."""
+        of = self.regions.doorways[door]
+        side = of.pair.index(region)
+        world = self.model.grid
+        return np.array(sorted({int(world.state_of[ends[side]]) for ends in crossings_of(self.regions, of)}), np.int64)
+
+    def _chances(self, region: int, cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Doorways (D,), and (n, D) the probability to leave by each from each cell."""
+        if self.model.grid.slip == 0:
+            found = self.exits[cells].astype(np.int64)
+            if (found < GOAL).any():
+                raise NoPlanError(f"gamma {self.model.gamma} fades to nothing on the way; choose gamma nearer to 1")
+            doors = np.unique(found)
+            return doors, (found[:, None] == doors).astype(np.float64)
+        if region not in self.known:
+            self.known[region] = self._solved(region)
+        doors, chances = self.known[region]
+        inside = np.flatnonzero(self.model.region_of == region)
+        return doors, chances[np.searchsorted(inside, cells)]
+
+    def _solved(self, region: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Of all cells of a region, by one sparse solve: h = P h + what leaves at once."""
+        model, world = self.model, self.model.grid
+        inside = np.flatnonzero(model.region_of == region)
+        if len(inside) > MOST_CELLS:
+            raise SettingError(
+                f"{model.region_names[region]} has {len(inside)} cells, more than the {MOST_CELLS} that chances are "
+                "solved for where moves slip"
+            )
+        chance = np.full((world.n_actions, world.n_actions), world.slip / (world.n_actions - 1))
+        np.fill_diagonal(chance, 1.0 - world.slip)
+        chances, ends = chance[self.moves[inside]], world.successor[inside].astype(np.int64)
+        over = inside == world.goal
+        chances[over] = 0.0
+        row = np.broadcast_to(np.arange(len(inside))[:, None], ends.shape)
+        stays = (model.region_of[ends] == region) & (ends != world.goal)
+        n = len(inside)
+        within = csc_array((chances[stays], (row[stays], np.searchsorted(inside, ends[stays]))), shape=(n, n))
+        door = np.full(ends.shape, GOAL, np.int64)
+        out = ~stays & (model.region_of[ends] != region)
+        if out.any():
+            door[out] = doors_passed(model, self.regions, inside[row[out]], ends[out])
+        doors = np.unique(np.append(door[~stays], GOAL))
+        at_once = np.zeros((n, len(doors)))
+        np.add.at(at_once, (row[~stays], np.searchsorted(doors, door[~stays])), chances[~stays])
+        solved = splu((eye_array(n, format="csc") - within).tocsc()).solve(at_once)
+        solved[over] = doors == GOAL
+        return doors, solved
+
+
+def _courses(branches: dict[State, tuple[Branch, ...]], first: State) -> tuple[tuple[Course, ...], bool]:
+    """Courses from a state to the goal that pass no state twice, and whether these are all of them."""
+    found, looked = list[Course](), 0
+    stack: list[tuple[tuple[State, ...], float, float]] = [((first,), 1.0, 1.0)]
+    while stack:
+        states, least, most = stack.pop()
+        looked += 1
+        if looked > LONGEST_SEARCH:
+            break
+        for branch in branches[states[-1]]:
+            ahead = least * branch.least, most * branch.most
+            if branch.to is None:
+                found.append(Course(states, *ahead))
+            elif branch.to not in states:
+                stack.append(((*states, branch.to), *ahead))
+    return tuple(sorted(found, key=lambda course: (-course.most, len(course.states), course.states))), not stack

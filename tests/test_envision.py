@@ -1,0 +1,168 @@
+"""What may happen on the way: against plans from every cell, and against chances carried on step by step."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import qualrl
+from qualrl.answers import envision as questions
+from qualrl.answers.envision import GOAL, START
+from qualrl.answers.policy import best_policy
+from qualrl.errors import NoPlanError, SettingError
+from qualrl.qualitative.graph import crossings_of
+from qualrl.solving.exact import exact_values
+from tests.command_here import qualrl as qualrl_command
+from tests.test_commands import draw
+from tests.test_planning import LOOP
+from tests.test_what_if import crossed
+from tests.worlds import grid_of
+
+REGIONS = qualrl.segment(grid_of(LOOP))
+CELLS = [tuple(cell) for cell in np.argwhere(REGIONS.grid.free).tolist()]
+DOORS = [door.name for door in REGIONS.doorways]
+ENDS = st.tuples(st.sampled_from(CELLS), st.sampled_from(CELLS)).filter(lambda ends: ends[0] != ends[1])
+
+
+def cells_of(model, state):
+    region, door = state
+    if door == START:
+        return [model.start]
+    side = REGIONS.doorways[door].pair.index(region)
+    return sorted({int(model.grid.state_of[pair[side]]) for pair in crossings_of(REGIONS, REGIONS.doorways[door])})
+
+
+def chances_step_by_step(model, moves, state):
+    """Probability to leave a state's region by each doorway (GOAL: to end in it), carried on until nothing is left."""
+    world, region = model.grid, int(model.region_of[state])
+    door_of = {
+        frozenset(int(world.state_of[cell]) for cell in pair): at
+        for at, door in enumerate(REGIONS.doorways)
+        for pair in crossings_of(REGIONS, door)
+    }
+    at, found = np.zeros(len(world)), {}
+    at[state] = 1.0
+    if state == world.goal:
+        return {GOAL: 1.0}
+    while at.sum() > 1e-10:
+        after = np.zeros(len(world))
+        for here in np.flatnonzero(at):
+            for move, there in enumerate(world.successor[here].tolist()):
+                share = at[here] * (1 - world.slip if move == moves[here] else world.slip / (world.n_actions - 1))
+                if model.region_of[there] != region:
+                    key = door_of[frozenset((int(here), there))]
+                    found[key] = found.get(key, 0.0) + share
+                elif there == world.goal:
+                    found[GOAL] = found.get(GOAL, 0.0) + share
+                else:
+                    after[there] += share
+        at = after
+    return found
+
+
+@settings(deadline=None, max_examples=12)
+@given(ENDS, st.sampled_from([0.15, 0.4]))
+def test_branches_of_slippery_ways_are_those_of_chances_carried_on(ends, slip):
+    model = qualrl.build(REGIONS, list(ends[1]), start=list(ends[0]), gamma=0.95, slip=slip)
+    answer = qualrl.questions.envision(model)
+    moves = best_policy(model, exact_values(model.world))
+    for state, branches in list(answer.branches.items())[:4]:
+        each = [chances_step_by_step(model, moves, cell) for cell in cells_of(model, state)]
+        keys = {GOAL if branch.to is None else branch.to[1]: branch for branch in branches}
+        possible = {key for found in each for key, of in found.items() if of > 1e-9}
+        assert possible <= set(keys)
+        for key, branch in keys.items():
+            found = [of.get(key, 0.0) for of in each]
+            assert branch.least == pytest.approx(min(found), abs=1e-7)
+            assert branch.most == pytest.approx(max(found), abs=1e-7)
+
+
+@settings(deadline=None, max_examples=25)
+@given(ENDS)
+def test_without_slips_branches_are_what_plans_do(ends):
+    model = qualrl.build(REGIONS, list(ends[1]), start=list(ends[0]), gamma=0.95)
+    answer = qualrl.questions.envision(model)
+    for state, branches in answer.branches.items():
+        taken = []
+        for cell in cells_of(model, state):
+            if cell == model.grid.goal:
+                taken.append(None)
+                continue
+            doors = crossed(model, qualrl.plan(model, start=list(model.cell_of(cell))).path)
+            taken.append(doors[0] if doors else None)
+        if len(set(taken)) == 1:
+            (branch,) = branches
+            assert (branch.least, branch.most) == (1.0, 1.0)
+        assert {branch.door for branch in branches} == set(taken)
+    (likeliest, *_) = answer.courses
+    assert likeliest.most == 1.0
+    plan = qualrl.plan(model)
+    assert [model.region_names[region] for region, _ in likeliest.states][:1] == [plan.places[0]]
+
+
+@settings(deadline=None, max_examples=25)
+@given(ENDS, st.sampled_from([0.0, 0.3]))
+def test_bounds_hold_together(ends, slip):
+    model = qualrl.build(REGIONS, list(ends[1]), start=list(ends[0]), gamma=0.95, slip=slip)
+    answer = qualrl.questions.envision(model)
+    for branches in answer.branches.values():
+        assert sum(branch.least for branch in branches) <= 1 + 1e-9
+        assert sum(branch.most for branch in branches) >= 1 - 1e-9
+        assert all(branch.to is None or branch.to in answer.branches for branch in branches)
+    assert len(answer.branches) <= answer.of_all
+    assert answer.has_all_courses
+    for course in answer.courses:
+        assert len(set(course.states)) == len(course.states)
+        assert 0 <= course.least <= course.most <= 1
+    if slip:
+        assert sum(course.least for course in answer.courses) <= 1 + 1e-9
+        document = json.loads(json.dumps(answer.to_dict()))
+        assert len(document["states"]) == len(answer.branches)
+
+
+def test_a_slippery_way_is_simulated():
+    """How often walks take the likeliest course lies between its bounds."""
+    model = qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=0.95, slip=0.2)
+    answer = qualrl.questions.envision(model)
+    moves, world = best_policy(model, exact_values(model.world)), model.grid
+    course = answer.courses[0]
+    wanted = [region for region, _ in course.states]
+    generator, taken, n_walks = np.random.default_rng(1), 0, 2000
+    for _ in range(n_walks):
+        state, passed = model.start, [int(model.region_of[model.start])]
+        while state != world.goal:
+            move = moves[state]
+            if generator.random() < world.slip:
+                move = generator.choice([other for other in range(4) if other != move])
+            state = int(world.successor[state, move])
+            if model.region_of[state] != passed[-1]:
+                passed.append(int(model.region_of[state]))
+        taken += passed == wanted
+    spread = 4 * np.sqrt(0.25 / n_walks)
+    assert course.least - spread <= taken / n_walks <= course.most + spread
+
+
+def test_what_is_too_large_or_leads_nowhere_is_refused(monkeypatch):
+    model = qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=0.95, slip=0.2)
+    monkeypatch.setattr(questions, "MOST_CELLS", 5)
+    with pytest.raises(SettingError, match="more than the 5"):
+        qualrl.questions.envision(model)
+    with pytest.raises(NoPlanError):
+        qualrl.questions.envision(model.with_closed(DOORS))
+    with pytest.raises(NoPlanError, match="fades"):
+        qualrl.questions.envision(qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=1e-200))
+    table = qualrl.HybridMDP.from_table(model.grid.table(), ["all"] * len(model), start=model.start)
+    with pytest.raises(SettingError, match="without a map"):
+        qualrl.questions.envision(table)
+
+
+def test_the_command_answers(tmp_path):
+    draw(tmp_path, "loop", LOOP)
+    (tmp_path / "loop.scenario.yaml").write_text("map: loop.yaml\nstart: [2, 2]\ngoal: [2, 24]\n")
+    asked = "envision", "loop.scenario.yaml", "--set", "motion.slip=0.2"
+    document = json.loads(qualrl_command(*asked, "--json", cwd=tmp_path)[0])
+    assert qualrl_command(*asked, cwd=tmp_path)[0].splitlines() == document["sentences"]
+    assert document["states"][0]["entered_by"] is None
+    assert all(branch["least"] <= branch["most"] for state in document["states"] for branch in state["branches"])
