@@ -19,9 +19,9 @@ from qualrl.qualitative.statements import CONNECTED, SPELLINGS, Statement, read_
 from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.relations import Relations
 from tests import oracles_relations as oracles
+from tests.command_here import qualrl as qualrl_command
 from tests.test_calculi import seen_from
 from tests.test_commands import draw
-from tests.test_commands import qualrl as qualrl_command
 from tests.test_relations import cells_of, labelled, regions_of
 from tests.worlds import TWO_ROOMS, grid_of
 

@@ -18,8 +18,8 @@ from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.region_map import Region, RegionMap
 from qualrl.spatial.relations import Relations
 from qualrl.spatial.zones import Zone
+from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
-from tests.test_commands import qualrl as qualrl_command
 from tests.worlds import grid_of, part_around
 
 # A corridor with a room above its left end, one below its right end, and one above its right end.

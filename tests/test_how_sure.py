@@ -17,8 +17,8 @@ from qualrl.learning.settings import LearnSettings
 from qualrl.learning.trainer import start_learner
 from qualrl.models.tabular_mdp import TabularMDP
 from tests import oracles
+from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
-from tests.test_commands import qualrl as qualrl_command
 from tests.test_planning import LOOP
 from tests.worlds import TWO_ROOMS, grid_of
 

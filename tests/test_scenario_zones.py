@@ -8,8 +8,8 @@ import pytest
 
 from qualrl.errors import PlaceError, ScenarioError
 from qualrl.io.scenario import Scenario, load_scenario
+from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
-from tests.test_commands import qualrl as qualrl_command
 from tests.worlds import TWO_ROOMS
 
 HEAD = "map: rooms.yaml\ngoal: [2, 2]\n"

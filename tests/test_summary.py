@@ -15,8 +15,8 @@ from qualrl.planning.planner import plan_exactly
 from qualrl.qualitative.graph import crossings_of
 from qualrl.solving.exact import exact_values
 from tests import oracles
+from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
-from tests.test_commands import qualrl as qualrl_command
 from tests.test_planning import LOOP
 from tests.worlds import TWO_ROOMS, grid_of
 

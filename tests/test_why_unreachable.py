@@ -14,8 +14,8 @@ from qualrl.errors import MapError, SettingError
 from qualrl.models.tabular_mdp import TabularMDP
 from qualrl.report.blocked_map import COLOURS, NAMES, colours_of
 from qualrl.spatial.occupancy_grid import OccupancyGrid
+from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
-from tests.test_commands import qualrl as qualrl_command
 from tests.test_planning import LOOP
 from tests.worlds import grid_of
 

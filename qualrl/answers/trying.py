@@ -56,6 +56,8 @@ class Trying:
             lines.append(
                 f"So trying pays if it is open with a probability above {at:.4g} at gamma {self.gamma:g}{tends}."
             )
+        else:
+            lines.append("So for who goes there it makes no difference whether it is open.")
         if self.contrast is not None:
             words = self.contrast.in_words("trying", "going round")
             lines.append(f"If it is open with probability {self.chance:g}, {words}.")
