@@ -220,7 +220,11 @@ def check(
     check_type("check", regions, RegionMap, "a RegionMap, from qualrl.segment")
     drawn = [zone_within(name, corners, regions) for name, corners in (zones or {}).items()]
     cuts = DistanceCuts(near_m, far_m)
-    return checking.check(Relations(regions, drawn), [read_statement(claim) for claim in claims], cuts)
+    return checking.check(
+        Relations(regions, drawn),
+        [read_statement(claim) for claim in ([claims] if isinstance(claims, str) else claims)],
+        cuts,
+    )
 
 
 def _with_goal(model: HybridMDP, goal: PlaceLike) -> HybridMDP | None:

@@ -114,7 +114,8 @@ def reconcile(model: HybridMDP, expected: Sequence[str], start: PlaceLike | None
     if not expected:
         raise SettingError("say which regions the plan is expected to pass")
     state, name = start_of(model, start)
-    return answers.reconcile(model, state, (name, goal_name(model)), expected)
+    asked = [part.strip() for part in expected.split(",")] if isinstance(expected, str) else expected
+    return answers.reconcile(model, state, (name, goal_name(model)), asked)
 
 
 def which_matters(model: HybridMDP, start: PlaceLike | None = None) -> "WhichMatters":

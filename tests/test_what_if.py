@@ -222,6 +222,7 @@ def test_the_cells_that_are_left_otherwise_are_those_whose_plans_leave_by_anothe
     assert {turned.region: turned.cells for turned in answer.turned} == expected
     assert expected
     assert sum(turned.of for turned in answer.turned) <= len(CELLS)
+    assert all(turned.cut_off == 0 for turned in answer.turned)
 
 
 def first_or_none(doors):
@@ -306,8 +307,10 @@ def test_the_command_answers_and_refuses(tmp_path):
     draw(tmp_path, "rooms", TWO_ROOMS)
     (tmp_path / "rooms.scenario.yaml").write_text("map: rooms.yaml\nstart: [2, 2]\ngoal: [2, 15]\n")
     ask = "what-if", "rooms.scenario.yaml"
-    said = qualrl_command(*ask, "--close", "door 1", cwd=tmp_path)[0]
+    said = qualrl_command(*ask, "--close", "door 1", "--chance", "0.5", cwd=tmp_path)[0]
     assert "no way leads" in said
+    assert "From 57 cells no way is left: 57 of 57 in room A." in said
+    assert "no question: no way leads round" in said
     document = json.loads(qualrl_command(*ask, "--open", "room A,room B", "--json", cwd=tmp_path)[0])
     assert document["after"]["steps"] == 13 < document["before"]["steps"] == 17
     said = qualrl_command(*ask, "--open", "room A,room B", cwd=tmp_path)[0]

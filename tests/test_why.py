@@ -108,7 +108,7 @@ def test_a_walks_account_is_its_rewards_by_place(ends, directions):
     for t, (a, b) in enumerate(pairwise(path)):
         far = np.hypot(*(model.grid.cells[b] - model.grid.cells[a]))
         reward = 100.0 if b == model.grid.goal else -far
-        name = model.region_names[model.region_of[a]]
+        name = model.region_names[model.region_of[b if b == model.grid.goal else a]]
         expected[name] = expected.get(name, 0.0) + model.gamma**t * reward
     by_place = {name: sum(of for (place, _), of in account.items() if place == name) for name in expected}
     assert by_place == pytest.approx(expected)
@@ -131,7 +131,8 @@ def test_a_policys_account_is_the_mean_of_walks():
             after = int(world.successor[state, move])
             kind = "the goal" if after == world.goal else "steps" if world.move_length[move] == 1 else "diagonal steps"
             reward = world.goal_reward if after == world.goal else world.move_reward[move]
-            found[model.region_names[model.region_of[state]], kind][walk] += discount * reward
+            place = model.region_of[after if after == world.goal else state]
+            found[model.region_names[place], kind][walk] += discount * reward
             state, discount = after, discount * world.gamma
     for key, samples in found.items():
         assert abs(samples.mean() - account[key]) < 5 * samples.std() / np.sqrt(n_walks) + 1e-9, key

@@ -168,8 +168,8 @@ def test_the_answer_holds_every_number_that_it_says(loop):
     said = " ".join(document["sentences"])
     assert document["costs"] == best["value"] - by["value"]
     for number in (
-        f"({best['steps']} steps, {best['length_m']:.2f} m), worth {best['value']:.6g}.",
-        f"({by['steps']} steps, {by['length_m']:.2f} m), worth {by['value']:.6g}.",
+        f"({best['steps']} steps, {best['length_m']:.2f} m by {', '.join(best['doors'])}), worth {best['value']:.6g}.",
+        f"({by['steps']} steps, {by['length_m']:.2f} m by {', '.join(by['doors'])}), worth {by['value']:.6g}.",
         f"costs {document['costs']:.3g} at gamma {document['gamma']:g}: {by['steps'] - best['steps']} steps more "
         f"and {by['length_m'] - best['length_m']:.2f} m more.",
     ):

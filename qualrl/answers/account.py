@@ -1,4 +1,5 @@
-"""What a way earns, by region and by kind of reward: every discounted reward, booked where it is paid.
+"""What a way earns, by region and by kind of reward: every discounted reward, booked where its step begins; the
+goal's, where the goal is.
 
 S states, A actions.  Without slips that is a walk's own rewards; where moves slip, what is expected of them.
 """
@@ -30,7 +31,7 @@ def account_of_walk(model: HybridMDP, walk: Sequence[int]) -> Account:
     for here, there in pairwise(walk):
         move = int(np.flatnonzero(world.successor[here] == there)[0])
         reward = world.goal_reward if there == world.goal else float(world.move_reward[move])
-        key = _place(model, here), _kind(world, move, there == world.goal)
+        key = _place(model, there if there == world.goal else here), _kind(world, move, there == world.goal)
         booked[key] = booked.get(key, 0.0) + discount * reward
         discount *= world.gamma
     return booked
@@ -58,7 +59,8 @@ def account_of_policy(
         here = region == at
         for kind, share in _by_kind(world, earned[here], ends[here]).items():
             if abs(share) > TINY:
-                booked[model.region_names[at], kind] = share
+                key = _place(model, world.goal if kind == GOAL else int(state_of[here][0])), kind
+                booked[key] = booked.get(key, 0.0) + share
     return booked
 
 

@@ -20,6 +20,9 @@ from qualrl.qualitative.break_even import BreakEven
 from qualrl.qualitative.plan_value import Chance, Contrast, contrast
 from qualrl.solving.exact import ExactValues
 
+ROUNDING = 1e-9
+"""Of a probability."""
+
 
 @dataclass(frozen=True)
 class Trying:
@@ -51,7 +54,9 @@ class Trying:
             f"{worth['closed']:.6g} if it is not ({self.break_even.closed.steps} steps); "
             f"going round at once, {worth['round']:.6g}."
         ]
-        if at is not None:
+        if at is not None and at > 1 - ROUNDING:
+            lines.append("So trying never pays: going round is as good even if it is open.")
+        elif at is not None:
             tends = "" if limit is None else f" (as gamma tends to 1: {float(limit):.4g})"
             lines.append(
                 f"So trying pays if it is open with a probability above {at:.4g} at gamma {self.gamma:g}{tends}."

@@ -27,8 +27,9 @@ class Way:
     """Expected discounted return at the start, slips included."""
 
     def in_words(self) -> str:
-        """Places and length."""
-        return f"{' -> '.join(self.places)} ({self.steps} steps, {self.length_m:.2f} m)"
+        """Places, length and doorways."""
+        doors = f" by {', '.join(self.doors)}" if self.doors else ""
+        return f"{' -> '.join(self.places)} ({self.steps} steps, {self.length_m:.2f} m{doors})"
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON."""

@@ -1,5 +1,6 @@
 """What a change does to a plan: closed doorways, an opened wall, other numbers; and where it begins to matter."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -19,6 +20,9 @@ from qualrl.solving.exact import ExactValues, exact_values
 
 NUMBERS = ("gamma", "slip", "step_reward", "goal_reward")
 """Numbers of a world that may be changed little by little."""
+NO_WAY_LEFT = "no way"
+GAINED = 1e-9
+"""Values that rise by a smaller share rise by rounding."""
 MOST_NAMED = 3
 """So many regions are named; JSON has all."""
 HALVINGS = 14
@@ -51,12 +55,14 @@ class Turned:
 
     region: str
     cells: int
+    cut_off: int
+    """Of these, cells from which no way is left."""
     of: int
     """Cells of the region."""
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON."""
-        return {"region": self.region, "cells": self.cells, "of": self.of}
+        return {"region": self.region, "cells": self.cells, "cut_off": self.cut_off, "of": self.of}
 
 
 @dataclass(frozen=True)
@@ -70,7 +76,11 @@ class WhatIf:
     after: Way | None
     """None where no way leads to the goal any more."""
     turned: tuple[Turned, ...]
-    """Regions from some cells of which the best way leaves by another doorway, most cells first."""
+    """Regions from some cells of which the best way leaves by another doorway, or has none left, most cells first."""
+    is_comparable: bool
+    """Whether values before and after are of the same gamma."""
+    chance: float | None
+    """The probability, asked about, that closed doorways are open after all."""
     trying: Trying | None
     """Whether to try the closed doorways when they may be open; None where the best way passes none of them."""
     switch: Switch | None
@@ -89,9 +99,12 @@ class WhatIf:
             f"Now from {self.start} to {self.goal}: {self.before.in_words()}, worth {self.before.value:.6g}.",
             self._after_in_words(),
         ]
-        lines.append(self._turned_in_words())
+        lines += self._turned_in_words()
         if self.trying is not None:
             lines += self.trying.sentences()
+        elif self.chance is not None:
+            why = "no way leads round" if self.after is None else "the best way does not pass what is closed"
+            lines.append(f"Whether to go and see is no question: {why}.")
         if self.switch is not None:
             lines.append(self.switch.in_words())
         if self.contrast is not None:
@@ -104,6 +117,8 @@ class WhatIf:
             return f"With {changes}: no way leads from {self.start} to {self.goal}."
         difference = self.after.value - self.before.value
         worth = f"{abs(difference):.3g} {'more' if difference >= 0 else 'less'}"
+        if not self.is_comparable:
+            worth = "which is of another gamma"
         if self.is_same_way and self.after.steps == self.before.steps:
             return f"With {changes}: the same way, worth {self.after.value:.6g}, {worth}."
         longer = (
@@ -112,27 +127,39 @@ class WhatIf:
         )
         return f"With {changes}: {self.after.in_words()}, worth {self.after.value:.6g}, {worth}; {longer}."
 
-    def _turned_in_words(self) -> str:
-        if not self.turned:
-            return "From every cell the best way leaves its region as before."
-        cells = sum(turned.cells for turned in self.turned)
-        told = [f"{turned.cells} of {turned.of} in {turned.region}" for turned in self.turned[:MOST_NAMED]]
-        if len(self.turned) > MOST_NAMED:
-            told.append(f"{sum(turned.cells for turned in self.turned[MOST_NAMED:])} elsewhere")
-        from_cells = "1 cell" if cells == 1 else f"{cells} cells"
-        return f"From {from_cells} the best way leaves its region otherwise than before: {', '.join(told)}."
+    def _turned_in_words(self) -> list[str]:
+        turned = [(of.region, of.cells - of.cut_off, of.of) for of in self.turned]
+        lost = [(of.region, of.cut_off, of.of) for of in self.turned]
+        words = (
+            _counted(turned, "the best way leaves its region otherwise than before"),
+            _counted(lost, "no way is left"),
+        )
+        return [line for line in words if line] or ["From every cell the best way leaves its region as before."]
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON twin of ``explain``, with the formulas and the certificates."""
         return {
             "question": "what-if", "from": self.start, "to": self.goal, "changes": list(self.changes),
             "before": self.before.to_dict(), "after": None if self.after is None else self.after.to_dict(),
+            "is_comparable": self.is_comparable, "chance": self.chance,
             "turned": [turned.to_dict() for turned in self.turned],
             "trying": None if self.trying is None else self.trying.to_dict(),
             "switch": None if self.switch is None else self.switch.to_dict(),
             "contrast": None if self.contrast is None else self.contrast.to_dict("before", "after"),
             "sentences": self.explain().splitlines(),
         }  # fmt: skip
+
+
+def _counted(counts: Sequence[tuple[str, int, int]], what: str) -> str:
+    """Something that is so of some cells of some regions; empty for no cells."""
+    felt = sorted((of for of in counts if of[1]), key=lambda of: -of[1])
+    cells = sum(count for _, count, _ in felt)
+    if not cells:
+        return ""
+    told = [f"{count} of {total} in {region}" for region, count, total in felt[:MOST_NAMED]]
+    if len(felt) > MOST_NAMED:
+        told.append(f"{sum(count for _, count, _ in felt[MOST_NAMED:])} elsewhere")
+    return f"From {'1 cell' if cells == 1 else f'{cells} cells'} {what}: {', '.join(told)}."
 
 
 def what_if(
@@ -153,7 +180,7 @@ def what_if(
     exact_after = exact_values(after.world)
     turned = _turned(before, after, exact, exact_after)
     if not after.can_reach[starts[1]]:
-        return WhatIf(*names, changes, way, None, turned, None, None, None)
+        return WhatIf(*names, changes, way, None, turned, before.gamma == after.gamma, chance, None, None, None)
     walk_after = exact_walk(after, exact_after, starts[1])
     way_after = way_of(after, [walk_after], float(exact_after.value[starts[1]]))
     number = _number_changed(before.grid, after.grid)
@@ -161,29 +188,45 @@ def what_if(
     if number == "gamma" and before.grid.slip == 0 and _course_of(way) != _course_of(way_after):
         compared = contrast(course(before, walk), course(after, walk_after))
     return WhatIf(
-        *names, changes, way, way_after, turned, trying(before, after, walk, walk_after, exact_after, chance),
+        *names, changes, way, way_after, turned, before.gamma == after.gamma, chance,
+        trying(before, after, walk, walk_after, exact_after, chance),
         None if number is None else _switch(before, starts[0], number, getattr(after.grid, number), way), compared,
     )  # fmt: skip
 
 
 def _turned(before: HybridMDP, after: HybridMDP, exact: ExactValues, exact_after: ExactValues) -> tuple[Turned, ...]:
-    """Regions whose cells, those that are on both maps, are left otherwise; () for maps of different size."""
+    """Regions whose cells, those that are on both maps, are left otherwise; () for maps of different size.
+
+    Of equally good ways that counts which a plan takes; but where a wall alone was opened and a cell gained nothing,
+    its old way is as good as ever.
+    """
     if before.grid.free.shape != after.grid.free.shape:
         return ()
     first, second = _exit_names(before, exact), _exit_names(after, exact_after)
     both = before.grid.free & after.grid.free
     here, there = before.grid.state_of[both], after.grid.state_of[both]
-    changed = here[first[here] != second[there]]
-    cells = np.bincount(before.region_of[changed], minlength=len(before.region_names))
-    of = np.bincount(before.region_of, minlength=len(before.region_names))
+    changed = first[here] != second[there]
+    if not np.array_equal(before.grid.free, after.grid.free) and _differ_in_map_alone(before.grid, after.grid):
+        changed &= exact_after.shifted[there] > exact.shifted[here] * (1 + GAINED)
+    cut_off = changed & (second[there] == NO_WAY_LEFT)
+    size = len(before.region_names)
+    cells, lost, of = (
+        np.bincount(before.region_of[states], minlength=size)
+        for states in (here[changed], here[cut_off], np.arange(len(before)))
+    )
     order = np.argsort(-cells, kind="stable")[: np.count_nonzero(cells)]
-    return tuple(Turned(before.region_names[at], int(cells[at]), int(of[at])) for at in order.tolist())
+    return tuple(Turned(before.region_names[at], int(cells[at]), int(lost[at]), int(of[at])) for at in order.tolist())
+
+
+def _differ_in_map_alone(before: GridWorld, after: GridWorld) -> bool:
+    names = [of.name for of in fields(GridWorld) if of.name != "free"]
+    return all(getattr(before, name) == getattr(after, name) for name in names)
 
 
 def _exit_names(model: HybridMDP, exact: ExactValues) -> NDArray[np.str_]:
     """(S,) the doorway by which the best way leaves the region, or that it does not, or that there is none."""
     assert model.regions is not None
-    names = ["values fade", "no way", "goal here", *(door.name for door in model.regions.doorways)]
+    names = ["values fade", NO_WAY_LEFT, "goal here", *(door.name for door in model.regions.doorways)]
     return np.array(names)[exits(model, model.regions, exact) - ASTRAY]
 
 

@@ -33,7 +33,7 @@ class Loss:
         """As a line of the answer."""
         if self.loss is None or self.longer_steps is None:
             return f"{self.name}: every way to the goal passes it"
-        longer = f"{self.longer_steps} steps longer" if self.longer_steps else "no longer"
+        longer = f"{self.longer_steps} steps longer" if self.longer_steps else "not longer"
         return f"{self.name}: {self.loss:.3g} is lost without it; the shortest way is {longer} then"
 
     def to_dict(self) -> dict[str, Any]:

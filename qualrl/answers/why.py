@@ -55,7 +55,9 @@ class Why:
     """The answer."""
 
     at: str
-    """The place the question is about."""
+    """The region the question is about."""
+    cell: tuple[int, int]
+    """Row and column where it is asked."""
     goal: str
     gamma: float
     action: str
@@ -70,8 +72,9 @@ class Why:
 
     def explain(self) -> str:
         """In words, a line a fact."""
+        place = f"{self.at}, at row {self.cell[0]}, column {self.cell[1]}"
         lines = [
-            f"In {self.at} the plan for {self.goal} is to {self.action}: {self.best.in_words()}, "
+            f"In {place}, the plan for {self.goal} is to {self.action}: {self.best.in_words()}, "
             f"worth {self.best.value:.6g}."
         ]
         if self.other is None:
@@ -99,8 +102,8 @@ class Why:
     def to_dict(self) -> dict[str, Any]:
         """The JSON twin of ``explain``, with the formulas and the certificate."""
         return {
-            "question": "why", "at": self.at, "to": self.goal, "gamma": self.gamma, "action": self.action,
-            "best": self.best.to_dict(), "other_action": self.other_action,
+            "question": "why", "at": self.at, "cell": list(self.cell), "to": self.goal, "gamma": self.gamma,
+            "action": self.action, "best": self.best.to_dict(), "other_action": self.other_action,
             "other": None if self.other is None else self.other.to_dict(),
             "entries": [
                 {"region": of.region, "kind": of.kind, "best": of.best, "other": of.other, "difference": of.difference}
@@ -123,24 +126,24 @@ def why(model: HybridMDP, start: int, goal: str, at: str | None) -> Why:
     walk = exact_walk(model, exact, start)
     if at is not None:
         walk = _from(model, exact, walk, at)
-    place = model.region_names[int(model.region_of[walk[0]])]
+    place, cell = model.region_names[int(model.region_of[walk[0]])], model.cell_of(walk[0])
     best = way_of(model, [walk], float(exact.value[walk[0]]))
     legs = legs_of(model, walk)
     if len(legs) < 2:
-        return Why(place, goal, model.gamma, "walk to the goal", best, None, None, (), None)
+        return Why(place, cell, goal, model.gamma, "walk to the goal", best, None, None, (), None)
     leave = legs[1].first
     door = door_taken(model, model.regions, walk[leave - 1], walk[leave])
     action = f"go through {door.name} to {best.places[1]}"
     choices = Chooser(model, model.regions, exact_plan_values(model, exact)).at(walk[0], door)
     others = [choice for choice in choices if choice.door.name != door.name]
     if not others:
-        return Why(place, goal, model.gamma, action, best, None, None, (), None)
+        return Why(place, cell, goal, model.gamma, action, best, None, None, (), None)
     through = way_through(model, exact, walk[0], others[0].door)
     other = way_of(model, through.parts, through.value)
     slips = model.grid.slip > 0
     accounts = _expected(model, exact, walk[0], through) if slips else _walked(model, walk, through)
     return Why(
-        place, goal, model.gamma, action, best,
+        place, cell, goal, model.gamma, action, best,
         f"go through {others[0].door.name} to {model.region_names[others[0].to_region]}", other, _entries(*accounts),
         None if slips else contrast(course(model, walk), course(model, through.walk)),
     )  # fmt: skip
