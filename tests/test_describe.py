@@ -116,7 +116,7 @@ def test_passages_follow_the_path_and_landmarks_their_cells(drawn):
     for here, there in zip(walk.passages, walk.passages[1:], strict=False):
         assert here.left_by == there.entered_by
         assert joined[here.left_by] == {here.region, there.region}
-    assert sum(at.steps + 1 for at in walk.passages) == len(path)
+    assert sum(at.steps for at in walk.passages) == len(path) - 1
     reach = max(REACH_M / regions.grid.resolution_m, 1)
     expected = {}
     for mark in regions.landmarks:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from qualrl.planning.on_the_way import Passage, QuantitySpace, landmarks_passed, passages
+from qualrl.planning.on_the_way import REACH_M, Passage, QuantitySpace, landmarks_passed, passages
 from qualrl.planning.routes import Route, Routes
 from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.region_map import CENTRE, RegionMap
@@ -38,7 +38,11 @@ class Walk:
         for number, at in enumerate(self.passages, 1):
             yield f"{number}. In {at.region}, {self._told(at)}."
         told = [mark for mark in self.space.marks if mark.kind != CENTRE]
-        yield "On the way: " + ", ".join(f"{mark.name} at {self._far(mark.step)}" for mark in told) + "."
+        yield (
+            f"On the way, within {REACH_M:g} m: "
+            + ", ".join(f"{mark.name} at {self._far(mark.step)}" for mark in told)
+            + "."
+        )
 
     def _told(self, at: Passage) -> str:
         to = at.left_by or "the goal"

@@ -34,7 +34,7 @@ class Passage:
     turn: str | None
     """The heading out against the heading in, in the same words; None where the route starts or ends."""
     steps: int
-    """From its first cell to its last one."""
+    """From its first cell to the first one of the next region; to its last one where the route ends."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,14 @@ def passages(regions: RegionMap, route: Route) -> tuple[Passage, ...]:
     legs = legs_through([int(regions.label[cell]) for cell in path])
     ways = [None, *(_crossing(regions, path[leg.last], path[leg.last + 1]) for leg in legs[:-1]), None]
     return tuple(
-        _passage(regions.region_names[leg.region], path[leg.first], path[leg.last], leg.last - leg.first, ways[at], out)
+        _passage(
+            regions.region_names[leg.region],
+            path[leg.first],
+            path[leg.last],
+            leg.last - leg.first + (out is not None),
+            ways[at],
+            out,
+        )
         for at, (leg, out) in enumerate(zip(legs, ways[1:], strict=True))
     )
 
