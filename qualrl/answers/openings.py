@@ -3,6 +3,7 @@
 Each opening is proved: the world is built anew with it, and a way found there.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +18,7 @@ MOST_TOLD = 3
 
 
 @dataclass(frozen=True)
-class Opening:
+class Opening(ABC):
     """A change that opens a way from the start to the goal, both held where they are."""
 
     steps: int
@@ -26,21 +27,21 @@ class Opening:
     """One such way, of those that lead over the fewest cells where the robot cannot stand now; 4-connected."""
 
     @property
+    @abstractmethod
     def kind(self) -> str:
         """One of "radius", "thresholds", "doorways" and "clearing"."""
-        raise NotImplementedError
 
+    @abstractmethod
     def brief(self) -> str:
         """The change in a few words."""
-        raise NotImplementedError
 
+    @abstractmethod
     def change(self) -> str:
         """The change, with what goes with it."""
-        raise NotImplementedError
 
+    @abstractmethod
     def details(self) -> dict[str, Any]:
         """The change as JSON."""
-        raise NotImplementedError
 
     def in_words(self) -> str:
         """As a line of the answer."""

@@ -5,14 +5,11 @@ other places on the way is left out: the doorways are open all together, or not.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
-
 from qualrl.answers.ways import course
-from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.crossings import door_taken
 from qualrl.planning.planner import exact_walk
@@ -94,7 +91,7 @@ def trying(
     before, after: with the doorways open and closed; walk, walk_round: their best ways.
     """
     door = _first_closed(before, after, walk)
-    if door is None or not _differ_in_doors_alone(before.grid, after.grid):
+    if door is None or before.grid.slip > 0 or before.grid.differs_in(after.grid) != {"closed"}:
         return None
     at, name = door
     back = exact_walk(after, exact_after, walk[at])
@@ -112,9 +109,3 @@ def _first_closed(before: HybridMDP, after: HybridMDP, walk: Sequence[int]) -> t
         if there not in successor[here]:
             return at, door_taken(before, before.regions, here, there).name
     return None
-
-
-def _differ_in_doors_alone(before: GridWorld, after: GridWorld) -> bool:
-    others = [of.name for of in fields(GridWorld) if of.name not in ("free", "closed")]
-    alike = all(getattr(before, name) == getattr(after, name) for name in others)
-    return alike and before.slip == 0 and np.array_equal(before.free, after.free)

@@ -1,7 +1,7 @@
 """What a change does to a plan: closed doorways, an opened wall, other numbers; and where it begins to matter."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,6 @@ from qualrl.answers.changed_model import with_numbers
 from qualrl.answers.trying import Trying, trying
 from qualrl.answers.ways import Way, course, more, way_of
 from qualrl.errors import SettingError
-from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.exits import ASTRAY, exits
 from qualrl.planning.planner import exact_walk
@@ -183,7 +182,7 @@ def what_if(
         return WhatIf(*names, changes, way, None, turned, before.gamma == after.gamma, chance, None, None, None)
     walk_after = exact_walk(after, exact_after, starts[1])
     way_after = way_of(after, [walk_after], float(exact_after.value[starts[1]]))
-    number = _number_changed(before.grid, after.grid)
+    number = next((name for name in NUMBERS if before.grid.differs_in(after.grid) == {name}), None)
     compared = None
     if number == "gamma" and before.grid.slip == 0 and _course_of(way) != _course_of(way_after):
         compared = contrast(course(before, walk), course(after, walk_after))
@@ -206,7 +205,7 @@ def _turned(before: HybridMDP, after: HybridMDP, exact: ExactValues, exact_after
     both = before.grid.free & after.grid.free
     here, there = before.grid.state_of[both], after.grid.state_of[both]
     changed = first[here] != second[there]
-    if not np.array_equal(before.grid.free, after.grid.free) and _differ_in_map_alone(before.grid, after.grid):
+    if before.grid.differs_in(after.grid) == {"free"}:
         changed &= exact_after.shifted[there] > exact.shifted[here] * (1 + GAINED)
     cut_off = changed & (second[there] == NO_WAY_LEFT)
     size = len(before.region_names)
@@ -218,27 +217,11 @@ def _turned(before: HybridMDP, after: HybridMDP, exact: ExactValues, exact_after
     return tuple(Turned(before.region_names[at], int(cells[at]), int(lost[at]), int(of[at])) for at in order.tolist())
 
 
-def _differ_in_map_alone(before: GridWorld, after: GridWorld) -> bool:
-    names = [of.name for of in fields(GridWorld) if of.name != "free"]
-    return all(getattr(before, name) == getattr(after, name) for name in names)
-
-
 def _exit_names(model: HybridMDP, exact: ExactValues) -> NDArray[np.str_]:
     """(S,) the doorway by which the best way leaves the region, or that it does not, or that there is none."""
     assert model.regions is not None
     names = ["values fade", NO_WAY_LEFT, "goal here", *(door.name for door in model.regions.doorways)]
     return np.array(names)[exits(model, model.regions, exact) - ASTRAY]
-
-
-def _number_changed(before: GridWorld, after: GridWorld) -> str | None:
-    """The only one of NUMBERS that two worlds on the same map differ in; None where they differ in more, or another."""
-    if not np.array_equal(before.free, after.free):
-        return None
-    others = [of.name for of in fields(GridWorld) if of.name not in (*NUMBERS, "free")]
-    if any(getattr(before, name) != getattr(after, name) for name in others):
-        return None
-    changed = [name for name in NUMBERS if getattr(before, name) != getattr(after, name)]
-    return changed[0] if len(changed) == 1 else None
 
 
 def _switch(model: HybridMDP, start: int, name: str, to: float, way: Way) -> Switch | None:

@@ -6,7 +6,7 @@ Rewards: ``step_reward`` times the length of the move (1, or sqrt 2 for a diagon
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -71,6 +71,12 @@ class GridWorld:
 
     def __len__(self) -> int:
         return len(self.cells)
+
+    def differs_in(self, other: "GridWorld") -> frozenset[str]:
+        """The names of the fields in which two worlds differ."""
+        plain = [of.name for of in fields(self) if of.name != "free"]
+        found = {name for name in plain if getattr(self, name) != getattr(other, name)}
+        return frozenset(found if np.array_equal(self.free, other.free) else {*found, "free"})
 
     @property
     def n_actions(self) -> int:
