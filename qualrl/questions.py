@@ -1,6 +1,7 @@
 """Questions to a model's best plan, one function a question; each answer has ``explain`` and ``to_dict``."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from qualrl.api import PlaceLike, check_type, goal_name, start_of
@@ -11,12 +12,14 @@ if TYPE_CHECKING:
     from qualrl.answers.envision import Envisioned
     from qualrl.answers.influences import Influences
     from qualrl.answers.reconcile import Reconciled
+    from qualrl.answers.robust import Robust
     from qualrl.answers.summary import Summary
     from qualrl.answers.what_if import WhatIf
     from qualrl.answers.which_matters import WhichMatters
     from qualrl.answers.why import Why
     from qualrl.answers.why_not import WhyNot
     from qualrl.answers.why_unreachable import WhyUnreachable
+    from qualrl.qualitative.from_counts import Counts, Samples
 
 
 def why(model: HybridMDP, at: str | None = None, start: PlaceLike | None = None) -> "Why":
@@ -116,6 +119,33 @@ def reconcile(model: HybridMDP, expected: Sequence[str], start: PlaceLike | None
     state, name = start_of(model, start)
     asked = [part.strip() for part in expected.split(",")] if isinstance(expected, str) else expected
     return answers.reconcile(model, state, (name, goal_name(model)), asked)
+
+
+def robust(
+    model: HybridMDP,
+    start: PlaceLike | None = None,
+    *,
+    doors: "Mapping[str, tuple[float, float] | Counts]" = MappingProxyType({}),
+    times: "Mapping[str, tuple[float, float] | Samples]" = MappingProxyType({}),
+    confidence: float = 0.95,
+    most: int = 6,
+) -> "Robust":
+    """Which way is best while chances of doorways and times of regions are known as intervals only.
+
+    doors: the probability that a doorway is open, as (0.6, 0.9), or counted, as Counts(7, 10).  times: how many times
+    as long as on the map a region takes, "*" for all others: as (1, 1.5), one number that is not known; or measured,
+    as Samples((1.1, 1.4, 0.9)), random each time.  confidence: with which all that is counted holds at once.  most:
+    ways to tell.  Raises UnknownNameError, SettingError, and NoPlanError where no way leads to the goal.
+    """
+    from qualrl.answers import robust as answers
+    from qualrl.answers.uncertain import Uncertain
+
+    check_type("robust", model, HybridMDP, "a HybridMDP, from qualrl.build")
+    if model.regions is None:
+        raise SettingError("a model without a map has no doorways that may be shut")
+    state, name = start_of(model, start)
+    uncertain = Uncertain(dict(doors), dict(times), confidence)
+    return answers.robust(model, state, (name, goal_name(model)), uncertain, most)
 
 
 def which_matters(model: HybridMDP, start: PlaceLike | None = None) -> "WhichMatters":

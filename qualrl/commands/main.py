@@ -19,6 +19,7 @@ from qualrl.commands.plan import plan
 from qualrl.commands.prove import prove
 from qualrl.commands.reconcile import reconcile
 from qualrl.commands.reproduce import reproduce
+from qualrl.commands.robust import robust
 from qualrl.commands.route import route
 from qualrl.commands.run import run
 from qualrl.commands.schema import schema
@@ -71,6 +72,7 @@ for command, in_short in (
     (which_matters, "Which doorways and regions the plan hangs on."),
     (why_unreachable, "What is in the way of the goal, and what would open it."),
     (reconcile, "The smallest change that would make an expected plan best."),
+    (robust, "Which way is best while chances and times are uncertain."),
     (signs, "Which way the plan's value goes when something grows."),
     (envision, "What may happen on the way, each branch with its probability."),
     (summary, "The best policy in a sentence a region, and exceptions."),

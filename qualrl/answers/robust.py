@@ -1,0 +1,314 @@
+"""Which plan is best while the chances of doorways and the times that regions take are known as intervals only.
+
+An interval MDP over the doorways of the ways that may be best: what each is worth in the worst and in the best case,
+and of each two whether one is better for all numbers, either for some, or undecided.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+from qualrl.answers.contingent import Contingent
+from qualrl.answers.rivals import rivals
+from qualrl.answers.uncertain import EVERYWHERE, Uncertain
+from qualrl.answers.ways import Way, way_of
+from qualrl.errors import SettingError
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.planning.planner import exact_walk
+from qualrl.qualitative.from_counts import Counts, Samples
+from qualrl.qualitative.outlook import Outlook, Point
+from qualrl.qualitative.robust_order import ALIKE, BETTER, EITHER, EQUAL, UNDECIDED, WORSE, Order, change, compare
+from qualrl.solving.exact import exact_values
+
+MOST_WAYS = 6
+"""Ways that are compared at most, if not said otherwise."""
+MOST_SOLVED = 60
+"""Ways that are solved at most to find them."""
+CERTAIN, POSSIBLE, NEVER = "certain", "possible", "never"
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A way, and what it may be worth."""
+
+    way: Way
+    """As it goes when all doorways are open and everything takes the time that it takes on the map."""
+    least: float
+    most: float
+    best: str
+    """Whether it is the best of the ways told: CERTAIN, for all numbers (or as good as any); POSSIBLE, for some; NEVER;
+    or UNDECIDED."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON."""
+        return {**self.way.to_dict(), "least": self.least, "most": self.most, "best": self.best}
+
+
+@dataclass(frozen=True)
+class Robust:
+    """The answer."""
+
+    start: str
+    goal: str
+    gamma: float
+    uncertain: Uncertain
+    box: Mapping[str, tuple[float, float]]
+    """The numbers that some way told hangs on, and their intervals: the probability that a doorway is open; how many
+    times as long a region takes; or, of the steps of a leg in a region where times were measured, E[gamma^tau] beside
+    gamma to the power of the steps."""
+    measured: Mapping[str, int]
+    """The steps of the last kind, by its key."""
+    rivals: tuple[Rival, ...]
+    """The best first, where all doorways are open and times are as on the map."""
+    orders: Mapping[tuple[int, int], Order]
+    """How one of them stands to a later one."""
+    changes: Mapping[tuple[int, int], tuple[str, float]]
+    """Where two of them change places, if a single number decides: its key, and a value close to one such place."""
+    others: float | None
+    """No way that is not told is worth more than this, whatever the numbers are; None where all ways are told."""
+
+    @property
+    def safest(self) -> int:
+        """The way that is worth the most in its worst case."""
+        return max(range(len(self.rivals)), key=lambda at: self.rivals[at].least)
+
+    def explain(self) -> str:
+        """In words, a line a fact."""
+        lines = [f"From {self.start} to {self.goal} at gamma {self.gamma:g}, as far as it is known:"]
+        lines += [f"  {line}" for line in self._known_in_words()]
+        for number, rival in enumerate(self.rivals, 1):
+            lines.append(f"Way {number}: {rival.way.in_words()}, worth {_between(rival.least, rival.most)}.")
+        lines += self._orders_in_words()
+        lines += self._best_in_words()
+        lines.append(self._others_in_words())
+        return "\n".join(lines)
+
+    def _known_in_words(self) -> list[str]:
+        lines = []
+        for name, given in self.uncertain.doors.items():
+            span = _between(*self.uncertain.door(name))
+            seen = f", as it was in {given.hits} of {given.trials} cases" if isinstance(given, Counts) else ""
+            lines.append(f"{name} is open with a probability of {span}{seen}")
+        for name, times in self.uncertain.times.items():
+            place = "every other region" if name == EVERYWHERE and len(self.uncertain.times) > 1 else name
+            place = "every region" if place == EVERYWHERE else place
+            if isinstance(times, Samples):
+                count = len(times.times)
+                lines.append(
+                    f"{place} took {_between(min(times.times), max(times.times))} times as long in {count} cases"
+                )
+            else:
+                lines.append(f"{place} takes {_between(*times)} times as long as on the map")
+        if any(
+            isinstance(of, Counts | Samples) for of in (*self.uncertain.doors.values(), *self.uncertain.times.values())
+        ):
+            lines.append(
+                f"what was counted holds with a confidence of {self.uncertain.confidence:g}, all of it at once"
+            )
+        return lines
+
+    def _orders_in_words(self) -> list[str]:
+        lines = []
+        for (one, other), order in self.orders.items():
+            first, second = (f"way {at + 1}" for at in (one, other))
+            if order.relation in (BETTER, WORSE):
+                better, worse = (first, second) if order.relation == BETTER else (second, first)
+                lines.append(f"Certain: {better} is better than {worse}, whatever the numbers are.")
+            elif order.relation == EQUAL:
+                lines.append(f"Certain: {first} and {second} are worth the same, whatever the numbers are.")
+            elif order.relation == UNDECIDED:
+                lines.append(f"Undecided: whether {first} or {second} is better.")
+            else:
+                lines.append(f"Possible: {self._either_in_words(one, other, order)}.")
+        return lines
+
+    def _either_in_words(self, one: int, other: int, order: Order) -> str:
+        told = [
+            f"way {one + 1} is better than way {other + 1} with {self._at(order.at_better)}",
+            f"worse with {self._at(order.at_worse)}",
+        ]
+        if (one, other) in self.changes:
+            told.append(f"they change places at {self._number(*self.changes[one, other])}")
+        return "; ".join(told)
+
+    def _at(self, point: Point | None) -> str:
+        told = [self._number(key, number) for key, number in (point or {}).items() if len({*self.box[key]}) > 1]
+        return ", ".join(told)
+
+    def _number(self, key: str, number: float) -> str:
+        if key in self.uncertain.doors:
+            return f"{key} open with {number:.4g}"
+        if key in self.measured:
+            wait = math.log(number) / math.log(self.gamma) if number else math.inf
+            return f"{key} like {self.measured[key] + wait:.4g}"
+        return f"{key} {number:.4g} times as long"
+
+    def _best_in_words(self) -> list[str]:
+        lines = []
+        for kind, words in (
+            (CERTAIN, "Certainly best"),
+            (POSSIBLE, "Best for some numbers"),
+            (UNDECIDED, "Perhaps best"),
+        ):
+            ways = [f"way {at}" for at, rival in enumerate(self.rivals, 1) if rival.best == kind]
+            if ways:
+                lines.append(f"{words}: {', '.join(ways)}.")
+        safest = self.rivals[self.safest]
+        lines.append(f"Best in the worst case: way {self.safest + 1}, worth at least {safest.least:.6g}.")
+        return lines
+
+    def _others_in_words(self) -> str:
+        if self.others is None:
+            return "No other way passes no region twice."
+        if self.others < self.rivals[self.safest].least:
+            return f"Every other way that passes no region twice is worth less than that: at most {self.others:.6g}."
+        return f"Other ways were not compared; they are worth at most {self.others:.6g}, so one of them may be better."
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON twin of ``explain``."""
+        return {
+            "question": "robust", "from": self.start, "to": self.goal, "gamma": self.gamma,
+            "confidence": self.uncertain.confidence,
+            "doors": {name: list(self.uncertain.door(name)) for name in self.uncertain.doors},
+            "numbers": {key: list(span) for key, span in self.box.items()},
+            "ways": [rival.to_dict() for rival in self.rivals],
+            "orders": [self._order_to_dict(pair) for pair in self.orders],
+            "safest": self.safest + 1, "others": self.others, "sentences": self.explain().splitlines(),
+        }  # fmt: skip
+
+    def _order_to_dict(self, pair: tuple[int, int]) -> dict[str, Any]:
+        order = self.orders[pair]
+        return {
+            "ways": [at + 1 for at in pair], "relation": order.relation,
+            "better_at": None if order.at_better is None else dict(order.at_better),
+            "worse_at": None if order.at_worse is None else dict(order.at_worse),
+            "change": list(self.changes[pair]) if pair in self.changes else None,
+        }  # fmt: skip
+
+
+def robust(
+    model: HybridMDP, start: int, names: tuple[str, str], uncertain: Uncertain, most: int = MOST_WAYS
+) -> Robust:  # fmt: skip
+    """Compare the ways from a state to the goal while doorways and times are uncertain.  names: of start and goal.
+
+    most: ways to tell.  Raises SettingError, UnknownNameError, and NoPlanError where no way leads to the goal even if
+    all doorways are open.
+    """
+    assert model.regions is not None
+    if model.grid.slip > 0:
+        raise SettingError(
+            "where moves slip, times hang on chance already: set motion.slip to 0, or give slip an interval"
+        )
+    if not uncertain.doors and not uncertain.times:
+        raise SettingError("say what is uncertain: the chance of a doorway, or the time that a region takes")
+    uncertain.check_names(model.regions)
+    model.check_reachable(start)
+    plans, others = _plans(model, start, uncertain)
+    plans.sort(key=lambda plan: -plan.most)
+    others = max([of.most for of in plans[most:]] + ([] if others is None else [others]), default=None)
+    plans = sorted(plans[:most], key=lambda plan: -plan.way.value)
+    box = {key: span for plan in plans for key, span in plan.box.items()}
+    orders = {(i, j): compare(plans[i].outlook, plans[j].outlook, box) for i, j in combinations(range(len(plans)), 2)}
+    measured = {key: steps for plan in plans for key, steps in plan.measured.items()}
+    shift = -model.grid.step_reward / (1 - model.gamma)
+    rivals_told = tuple(
+        Rival(plan.way, plan.least - shift, plan.most - shift, best)
+        for plan, best in zip(plans, _best(plans, orders, box), strict=True)
+    )
+    return Robust(
+        *names, model.gamma, uncertain, box, measured, rivals_told, orders, _changes(plans, orders),
+        None if others is None else others - shift,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """A way, as a tree; worths are shifted."""
+
+    way: Way
+    outlook: Outlook
+    box: Mapping[str, tuple[float, float]]
+    least: float
+    most: float
+    at_most: Point
+    measured: Mapping[str, int]
+
+
+def _plans(model: HybridMDP, start: int, uncertain: Uncertain) -> tuple[list[_Plan], float | None]:
+    """The best way and its rivals, and what those not found are worth at most (shifted); None where there is none."""
+    exact = exact_values(model.world)
+    contingent = Contingent(model, uncertain)
+    walk = exact_walk(model, exact, start)
+    plans = [_plan(model, contingent, walk, float(exact.value[start]))]
+    found = {plans[0].way.doors}
+    for bound, doors in rivals(model, start, uncertain):
+        if doors is None or len(found) >= MOST_SOLVED or bound < max(plan.least for plan in plans):
+            return plans, bound
+        if doors in found:
+            continue
+        found.add(doors)
+        changed = model.with_closed(_beside(model, start, doors))
+        if not changed.can_reach[start]:
+            continue
+        exact = exact_values(changed.world)
+        plan = _plan(model, contingent, exact_walk(changed, exact, start), float(exact.value[start]))
+        if plan.way.doors not in {other.way.doors for other in plans}:
+            plans.append(plan)
+    return plans, None
+
+
+def _plan(model: HybridMDP, contingent: Contingent, walk: Sequence[int], value: float) -> _Plan:
+    outlook = contingent.outlook(walk) or Outlook()
+    box = {key: contingent.box[key] for key in outlook.times}
+    least, most, _, at_most = outlook.bounds(box)
+    measured = {key: steps for key, steps in contingent.measured.items() if key in box}
+    return _Plan(way_of(model, [walk], value), outlook, box, least, most, at_most, measured)
+
+
+def _beside(model: HybridMDP, start: int, doors: Sequence[str]) -> list[str]:
+    """The other doorways of the regions that a way passes."""
+    assert model.regions is not None
+    passed = {int(model.region_of[start])}.union(*(of.pair for of in model.regions.doorways if of.name in doors))
+    return [of.name for of in model.regions.doorways if of.name not in doors and passed & {*of.pair}]
+
+
+def _best(
+    plans: Sequence[_Plan], orders: Mapping[tuple[int, int], Order], box: Mapping[str, tuple[float, float]]
+) -> list[str]:
+    """Of each plan, whether it is the best."""
+    start = {key: span[0] for key, span in box.items()}
+    guesses = [order.at_better for order in orders.values()] + [order.at_worse for order in orders.values()]
+    seen = set[int]()
+    for guess in [*guesses, *(plan.at_most for plan in plans)]:
+        worths = [plan.outlook.value({**start, **(guess or {})}) for plan in plans]
+        seen |= {at for at, worth in enumerate(worths) if worth >= max(worths) - ALIKE * abs(max(worths))}
+    found = []
+    for at in range(len(plans)):
+        to_others = [order.relation for (one, _), order in orders.items() if one == at]
+        to_others += [order.turned().relation for (_, other), order in orders.items() if other == at]
+        if all(relation in (BETTER, EQUAL) for relation in to_others):
+            found.append(CERTAIN)
+        elif WORSE in to_others:
+            found.append(NEVER)
+        else:
+            found.append(POSSIBLE if at in seen else UNDECIDED)
+    return found
+
+
+def _changes(
+    plans: Sequence[_Plan], orders: Mapping[tuple[int, int], Order]
+) -> dict[tuple[int, int], tuple[str, float]]:
+    found = {}
+    for (one, other), order in orders.items():
+        if order.relation == EITHER and order.at_better and order.at_worse:
+            keys = [key for key, number in order.at_better.items() if order.at_worse[key] != number]
+            if len(keys) == 1:
+                near = change(plans[one].outlook, plans[other].outlook, order.at_better, order.at_worse)
+                found[one, other] = keys[0], near[keys[0]]
+    return found
+
+
+def _between(low: float, high: float) -> str:
+    return f"{low:.6g} to {high:.6g}" if low < high else f"{low:.6g}"

@@ -1,0 +1,97 @@
+"""``qualrl robust``: which way is best while chances and times are known as intervals only."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from qualrl.commands.console import Console, guarded
+from qualrl.commands.options import AsJson, Debug, Quiet, ScenarioFile, Settings
+from qualrl.commands.questions import From, answered
+
+if TYPE_CHECKING:
+    from qualrl.qualitative.from_counts import Counts, Samples
+
+Span = tuple[float, float]
+
+
+@guarded
+def robust(
+    source: ScenarioFile,
+    chance: Annotated[
+        list[str] | None,
+        typer.Option("--chance", metavar="DOORWAY=P", help="That it is open: an interval 0.6..0.9, or a count 7/10."),
+    ] = None,
+    time: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--time",
+            metavar="REGION=F",
+            help="How many times as long as on the map it takes: 1..1.5, or as measured 1.1,1.4,0.9; * for all others.",
+        ),
+    ] = None,
+    confidence: Annotated[
+        float, typer.Option("--confidence", metavar="P", help="With which all that is counted holds at once.")
+    ] = 0.95,
+    ways: Annotated[int, typer.Option("--ways", metavar="N", min=1, help="How many ways to compare at most.")] = 6,
+    start: From = None,
+    settings: Settings = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Compare ways while doorways and times are uncertain: which is better for all numbers, and which for some."""
+    from qualrl import questions
+
+    doors = dict(_named("--chance", text) for text in chance or ())
+    times = dict(_named("--time", text) for text in time or ())
+    answered(
+        source, settings, Console(as_json, quiet),
+        lambda model: questions.robust(
+            model, start, doors={name: _chance(text) for name, text in doors.items()},
+            times={name: _time(text) for name, text in times.items()}, confidence=confidence, most=ways,
+        ),
+    )  # fmt: skip
+
+
+def _named(option: str, text: str) -> tuple[str, str]:
+    from qualrl.errors import ScenarioError
+
+    name, equals, value = text.rpartition("=")
+    if not equals or not name.strip():
+        raise ScenarioError(f"{option} {text!r}: write a name, = and what is known, as 'door 2=0.6..0.9'")
+    return name.strip(), value.strip()
+
+
+def _chance(text: str) -> "Span | Counts":
+    from qualrl.errors import ScenarioError
+    from qualrl.qualitative.from_counts import Counts
+
+    hits, slash, trials = text.partition("/")
+    if not slash:
+        return _span("--chance", text)
+    if not (hits.strip().isdecimal() and trials.strip().isdecimal()):
+        raise ScenarioError(f"--chance {text!r}: write a count in whole numbers, as 7/10")
+    return Counts(int(hits), int(trials))
+
+
+def _time(text: str) -> "Span | Samples":
+    from qualrl.qualitative.from_counts import Samples
+
+    if "," in text:
+        return Samples(tuple(_number("--time", part) for part in text.split(",")))
+    return _span("--time", text)
+
+
+def _span(option: str, text: str) -> Span:
+    low, dots, high = text.partition("..")
+    number = _number(option, low)
+    return number, _number(option, high) if dots else number
+
+
+def _number(option: str, text: str) -> float:
+    from qualrl.errors import ScenarioError
+
+    try:
+        return float(text)
+    except ValueError:
+        raise ScenarioError(f"{option}: {text.strip()!r} is no number; write 0.8, or an interval as 0.6..0.9") from None

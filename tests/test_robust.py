@@ -1,0 +1,259 @@
+"""Ways with uncertain doorways and times: against a robot of networkx's that walks them, and the command's answers."""
+
+import itertools
+import json
+import re
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import qualrl
+from qualrl.answers.rivals import rivals
+from qualrl.answers.uncertain import Uncertain
+from qualrl.errors import NoPlanError, SettingError, UnknownNameError
+from qualrl.qualitative.from_counts import Counts, Samples
+from tests.command_here import qualrl as qualrl_command
+from tests.oracles_robust import Robot
+from tests.test_commands import draw
+from tests.test_planning import LOOP
+from tests.worlds import grid_of
+
+REGIONS = qualrl.segment(grid_of(LOOP))
+CELLS = [tuple(cell) for cell in np.argwhere(REGIONS.grid.free).tolist()]
+DOORS = [door.name for door in REGIONS.doorways]
+GAMMA = 0.95
+
+
+def model_of(start, goal, **settings):
+    return qualrl.build(REGIONS, list(goal), start=list(start), gamma=GAMMA, **settings)
+
+
+def spans(ends):
+    return st.tuples(ends, ends).map(lambda pair: tuple(sorted(pair)))
+
+
+CASES = st.fixed_dictionaries(
+    {
+        "start": st.sampled_from(CELLS),
+        "goal": st.sampled_from(CELLS),
+        "doors": st.dictionaries(st.sampled_from(DOORS), spans(st.integers(0, 4).map(lambda n: n / 4)), max_size=3),
+        "times": st.dictionaries(
+            st.sampled_from(REGIONS.region_names), spans(st.integers(2, 8).map(lambda n: n / 4)), max_size=2
+        ),
+    }
+)
+
+
+def points(case, n):
+    """Some numbers of the intervals, the corners among them."""
+    names = [*case["doors"], *case["times"]]
+    ends = [
+        np.linspace(*span, n if span[0] < span[1] else 1) for span in [*case["doors"].values(), *case["times"].values()]
+    ]
+    for chosen in itertools.product(*ends):
+        told = dict(zip(names, map(float, chosen), strict=True))
+        yield {name: told[name] for name in case["doors"]}, {name: told[name] for name in case["times"]}
+
+
+def ask(case, **settings):
+    assume(case["start"] != case["goal"])
+    assume(case["doors"] or case["times"])
+    robot = Robot(REGIONS, case["start"], case["goal"], GAMMA)
+    answer = qualrl.questions.robust(
+        model_of(case["start"], case["goal"]), doors=case["doors"], times=case["times"], **settings
+    )
+    for rival in answer.rivals:
+        assume(robot.worth(rival.way.doors, *next(points(case, 1))) is not None)
+    return robot, answer
+
+
+@settings(deadline=None, max_examples=40)
+@given(CASES)
+def test_with_numbers_that_are_known_a_way_is_worth_what_the_robot_gets(case):
+    known = {
+        **case, "doors": {name: (low, low) for name, (low, _) in case["doors"].items()},
+        "times": {name: (high, high) for name, (_, high) in case["times"].items()},
+    }  # fmt: skip
+    robot, answer = ask(known)
+    for rival in answer.rivals:
+        expected = robot.worth(rival.way.doors, *next(points(known, 1)))
+        assert rival.least == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        assert rival.most == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        assert rival.way.steps == robot.steps(case["start"], rival.way.doors)
+
+
+@settings(deadline=None, max_examples=40)
+@given(CASES)
+def test_nothing_in_the_intervals_contradicts_the_answer(case):
+    robot, answer = ask(case)
+    ways = [rival.way.doors for rival in answer.rivals]
+    best_somewhere = set()
+    for point in points(case, 3):
+        worths = [robot.worth(way, *point) for way in ways]
+        for rival, worth in zip(answer.rivals, worths, strict=True):
+            assert rival.least - 1e-7 <= worth <= rival.most + 1e-7
+        best_somewhere |= {at for at, worth in enumerate(worths) if worth >= max(worths) - 1e-7}
+        for (one, other), order in answer.orders.items():
+            ahead = worths[one] - worths[other]
+            assert ahead >= -1e-7 or order.relation not in ("better", "equal")
+            assert ahead <= 1e-7 or order.relation not in ("worse", "equal")
+        if answer.others is not None:
+            told = {*ways}
+            for way in robot.ways(case["start"]):
+                if way not in told:
+                    worth = robot.worth(way, *point)
+                    assert worth is None or worth <= answer.others + 1e-7
+    for at, rival in enumerate(answer.rivals):
+        assert at not in best_somewhere or rival.best != "never" or not is_alone_best(robot, ways, at, case)
+        if rival.best == "certain":
+            assert all(
+                robot.worth(ways[at], *point) >= max(robot.worth(way, *point) for way in ways) - 1e-7
+                for point in points(case, 3)
+            )
+
+
+def is_alone_best(robot, ways, at, case):
+    """Whether a way is better than all others somewhere, not only as good."""
+    for point in points(case, 3):
+        worths = [robot.worth(way, *point) for way in ways]
+        if all(worths[at] > worth + 1e-7 for other, worth in enumerate(worths) if other != at):
+            return True
+    return False
+
+
+@settings(deadline=None, max_examples=40)
+@given(CASES)
+def test_either_way_is_shown_to_be_better_somewhere(case):
+    robot, answer = ask(case)
+    base = {name: span[0] for name, span in {**case["doors"], **case["times"]}.items()}
+    for (one, other), order in answer.orders.items():
+        ways = answer.rivals[one].way.doors, answer.rivals[other].way.doors
+        for point, sign in ((order.at_better, 1), (order.at_worse, -1)):
+            if point is not None:
+                told = {**base, **point}
+                chance = {name: told[name] for name in case["doors"]}
+                worths = [robot.worth(way, chance, {name: told[name] for name in case["times"]}) for way in ways]
+                assert sign * (worths[0] - worths[1]) > 0
+        assert order.relation != "either" or (order.at_better and order.at_worse)
+
+
+@settings(deadline=None, max_examples=40)
+@given(CASES)
+def test_rivals_come_with_falling_bounds_and_none_is_left_out(case):
+    assume(case["start"] != case["goal"])
+    model = model_of(case["start"], case["goal"])
+    robot = Robot(REGIONS, case["start"], case["goal"], GAMMA)
+    found = list(rivals(model, model.start, Uncertain(case["doors"], case["times"])))
+    bounds = [bound for bound, _ in found]
+    assert bounds == sorted(bounds, reverse=True)
+    assert {way for _, way in found} == {*robot.ways(case["start"])}
+    for bound, way in found:
+        for point in points(case, 2):
+            worth = robot.worth(way, *point)
+            assert worth is None or worth + 1 / (1 - GAMMA) <= bound + 1e-9
+
+
+def test_the_chance_at_which_two_ways_change_places_is_the_break_even_of_what_if():
+    model = model_of((1, 1), (1, 24))
+    door = qualrl.plan(model).steps[0].action.split(" to ")[0].removeprefix("go through ")
+    even = qualrl.questions.what_if(model, close=door).trying
+    answer = qualrl.questions.robust(model, doors={door: (0.0, 1.0)})
+    ((key, number),) = {change for change in answer.changes.values() if change[0] == door}
+    assert key == door
+    assert number == pytest.approx(even.break_even.at(GAMMA))
+
+
+def test_counts_and_measured_times_are_told_with_their_confidence():
+    model = model_of((1, 1), (1, 24))
+    answer = qualrl.questions.robust(
+        model, doors={DOORS[0]: Counts(7, 10)}, times={"*": Samples((1.0, 1.5, 0.8)), "room A": (1, 2)}, confidence=0.9
+    )
+    said = answer.explain()
+    low, high = Counts(7, 10).interval(0.95)  # two are counted, so each may be missed half as often
+    assert f"{DOORS[0]} is open with a probability of {low:.6g} to {high:.6g}, as it was in 7 of 10 cases" in said
+    assert "every other region took 0.8 to 1.5 times as long in 3 cases" in said
+    assert "what was counted holds with a confidence of 0.9, all of it at once" in said
+    assert all(name in REGIONS.region_names or name in DOORS or " steps in " in name for name in answer.box)
+    for key, steps in answer.measured.items():
+        assert answer.box[key] == Samples((1.0, 1.5, 0.8)).interval(GAMMA**steps, 0.95)
+
+
+def test_more_ways_than_are_told_are_bounded():
+    model = model_of((1, 1), (1, 24))
+    every = qualrl.questions.robust(model, times={"*": (1, 2)})
+    few = qualrl.questions.robust(model, times={"*": (1, 2)}, most=1)
+    assert len(every.rivals) > len(few.rivals) == 1
+    assert few.others >= max(rival.most for rival in every.rivals if rival.way != few.rivals[0].way)
+    assert "Other ways were not compared" in few.explain()
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({}, "say what is uncertain"),
+        ({"doors": {DOORS[0]: (0.5, 1.5)}}, "must be an interval from 0 to 1"),
+        ({"doors": {DOORS[0]: (0.5, 0.4)}}, "the lower end first"),
+        ({"times": {"*": (0.0, 1.0)}}, "of at least 0.01"),
+        ({"times": {"*": (1.0, float("inf"))}}, "must be an interval"),
+        ({"times": {"*": (1.0, 1e6)}}, "gamma 0.95 fades to nothing"),
+        ({"times": {"*": (1.0, 2.0)}, "confidence": 1.0}, "confidence must be"),
+        ({"doors": dict.fromkeys("abcdefg", (0.5, 1))}, "at most 6"),
+    ],
+)
+def test_what_is_no_interval_is_refused(asked, message):
+    with pytest.raises(SettingError, match=message):
+        qualrl.questions.robust(model_of((1, 1), (1, 24)), **asked)
+
+
+def test_what_is_not_on_the_map_is_refused():
+    model = model_of((1, 1), (1, 24))
+    with pytest.raises(UnknownNameError, match="no doorway is called 'door 99'"):
+        qualrl.questions.robust(model, doors={"door 99": (0, 1)})
+    with pytest.raises(UnknownNameError, match="no region is called"):
+        qualrl.questions.robust(model, times={"kitchen": (1, 2)})
+    with pytest.raises(SettingError, match=r"set motion\.slip to 0"):
+        qualrl.questions.robust(model_of((1, 1), (1, 24), slip=0.1), times={"*": (1, 2)})
+    cut = model.with_closed(DOORS)
+    with pytest.raises(NoPlanError):
+        qualrl.questions.robust(cut, times={"*": (1, 2)})
+
+
+def test_the_command_answers_and_refuses(tmp_path):
+    draw(tmp_path, "loop", LOOP)
+    (tmp_path / "loop.scenario.yaml").write_text("map: loop.yaml\nstart: [2, 2]\ngoal: [2, 24]\nlearn: {gamma: 0.95}\n")
+    door = json.loads(qualrl_command("plan", "loop.scenario.yaml", "--json", cwd=tmp_path)[0])["steps"][0]["action"]
+    door = door.split(" to ")[0].removeprefix("go through ")
+    asked = "robust", "loop.scenario.yaml", "--chance", f"{door}=0.2..0.9", "--time", "*=1..1.25"
+    document = json.loads(qualrl_command(*asked, "--json", cwd=tmp_path)[0])
+    said = qualrl_command(*asked, cwd=tmp_path)[0].splitlines()
+    assert said == document["sentences"]
+    assert document["doors"] == {door: [0.2, 0.9]}
+    ways = document["ways"]
+    for number, way in enumerate(ways, 1):
+        line = next(line for line in said if line.startswith(f"Way {number}: "))
+        assert f"{' -> '.join(way['places'])} ({way['steps']} steps" in line
+        assert f"worth {way['least']:.6g} to {way['most']:.6g}" in line
+    assert (
+        f"Best in the worst case: way {document['safest']}, worth at least {max(way['least'] for way in ways):.6g}."
+        in said
+    )
+    told = [(int(a), int(b)) for a, b in re.findall(r"way (\d) is better than way (\d), whatever", "\n".join(said))]
+    certain = [
+        order["ways"] if order["relation"] == "better" else order["ways"][::-1]
+        for order in document["orders"] if order["relation"] in ("better", "worse")
+    ]  # fmt: skip
+    assert told == [tuple(pair) for pair in certain]
+    for wrong, message in (
+        (("--chance", door), "write a name, = and what is known"),
+        (("--chance", f"{door}=7/x"), "write a count in whole numbers"),
+        (("--chance", f"{door}=much"), "'much' is no number"),
+        (("--time", "*=1,2,x"), "'x' is no number"),
+        (("--chance", f"{door}=0.9..0.2"), "the lower end first"),
+        (("--chance", "door 99=0.1..0.2"), "no doorway is called 'door 99'"),
+        ((), "say what is uncertain"),
+    ):
+        _, error = qualrl_command("robust", "loop.scenario.yaml", *wrong, cwd=tmp_path, expect=2)
+        assert message in error
+        assert error.count("\n") == 1
