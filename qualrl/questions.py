@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from qualrl.answers.influences import Influences
     from qualrl.answers.reconcile import Reconciled
     from qualrl.answers.robust import Robust
+    from qualrl.answers.robust_slip import RobustSlip
     from qualrl.answers.summary import Summary
     from qualrl.answers.what_if import WhatIf
     from qualrl.answers.which_matters import WhichMatters
@@ -127,23 +128,30 @@ def robust(
     *,
     doors: "Mapping[str, tuple[float, float] | Counts]" = MappingProxyType({}),
     times: "Mapping[str, tuple[float, float] | Samples]" = MappingProxyType({}),
+    slip: "tuple[float, float] | Counts | None" = None,
     confidence: float = 0.95,
     most: int = 6,
-) -> "Robust":
-    """Which way is best while chances of doorways and times of regions are known as intervals only.
+) -> "Robust | RobustSlip":
+    """Which way is best while chances of doorways and times of regions, or slips, are known as intervals only.
 
     doors: the probability that a doorway is open, as (0.6, 0.9), or counted, as Counts(7, 10).  times: how many times
     as long as on the map a region takes, "*" for all others: as (1, 1.5), one number that is not known; or measured,
-    as Samples((1.1, 1.4, 0.9)), random each time.  confidence: with which all that is counted holds at once.  most:
-    ways to tell.  Raises UnknownNameError, SettingError, and NoPlanError where no way leads to the goal.
+    as Samples((1.1, 1.4, 0.9)), random each time.  slip: the probability that a move slips, in their stead; then the
+    doorways of the start's region are compared.  confidence: with which all that is counted holds at once.  most: ways
+    to tell.  Raises UnknownNameError, SettingError, and NoPlanError where no way leads to the goal.
     """
     from qualrl.answers import robust as answers
+    from qualrl.answers.robust_slip import robust_slip
     from qualrl.answers.uncertain import Uncertain
 
     check_type("robust", model, HybridMDP, "a HybridMDP, from qualrl.build")
     if model.regions is None:
         raise SettingError("a model without a map has no doorways that may be shut")
     state, name = start_of(model, start)
+    if slip is not None:
+        if doors or times:
+            raise SettingError("give slip an interval, or doorways and times: not both, as slips make times random")
+        return robust_slip(model, state, (name, goal_name(model)), slip, confidence, most)
     uncertain = Uncertain(dict(doors), dict(times), confidence)
     return answers.robust(model, state, (name, goal_name(model)), uncertain, most)
 

@@ -16,10 +16,10 @@ from qualrl.answers.contingent import Contingent
 from qualrl.answers.uncertain import Uncertain
 from qualrl.planning.planner import exact_walk
 from qualrl.qualitative.plan_value import Chance
-from qualrl.solving.exact import exact_values
+from qualrl.solving.exact import SlipSpan, exact_values, values_between
 from tests.test_planning import LOOP
 from tests.test_why_not import COURSES
-from tests.worlds import grid_of
+from tests.worlds import TWO_ROOMS, grid_of
 
 stormpy = pytest.importorskip("stormpy", reason="Storm is not installed; pip install 'qualrl[storm]'")
 
@@ -72,9 +72,9 @@ class Intervals:
         for state, choices in self.lines.items():
             label = " init" if state == self.first else " arrived" if state == ARRIVED else ""
             body.append(f"state {state}{label}")
-            for number, arcs in enumerate(choices):
+            for number, chances in enumerate(choices):
                 body.append(f"\taction {number}")
-                body += [f"\t\t{target} : [{low!r}, {high!r}]" for target, (low, high) in sorted(arcs.items())]
+                body += arcs(chances)
         count = sum(len(choices) for choices in self.lines.values())
         head = ["@type: MDP", "@value_type: double-interval", "@parameters", "", "@reward_models", ""]
         path.write_text(
@@ -125,6 +125,44 @@ def test_worst_and_best_cases_are_those_of_an_interval_mdp(tmp_path_factory, sta
     against, helping = best_of(Intervals(trees, contingent.box, scale).write(path))
     assert max(of.least for of in answer.rivals) == pytest.approx(against * scale - 1 / (1 - model.gamma), abs=1e-6)
     assert max(of.most for of in answer.rivals) == pytest.approx(helping * scale - 1 / (1 - model.gamma), abs=1e-6)
+
+
+def test_values_where_slips_are_uncertain_are_those_of_an_interval_mdp(tmp_path):
+    """A state of Storm's for each cell; for each move one where it leads where it aims at, and one where it slips."""
+    low, high = 0.05, 0.3
+    world = qualrl.build(qualrl.segment(grid_of(TWO_ROOMS)), [2, 16], start=[5, 2], gamma=0.95, slip=high).grid
+    start, n = int(world.state_of[5, 2]), len(world)
+    cells, moves, stopped = list[str](), list[str](), 9 * n
+
+    def landing(state, ends):
+        found = {stopped: 0.0}
+        for to in ends:
+            goes_on = 1.0 if to == world.goal else world.gamma
+            found[to] = found.get(to, 0.0) + goes_on / len(ends)
+            found[stopped] += (1 - goes_on) / len(ends)
+        return [f"state {state}", "\taction 0", *arcs({to: (share, share) for to, share in found.items()})]
+
+    for state, onward in enumerate(world.successor.tolist()):
+        cells.append(f"state {state}{' init' if state == start else ' arrived' if state == world.goal else ''}")
+        for move, aimed in enumerate(onward):
+            first = n + 8 * state + 2 * move
+            chances = {first: (1 - high, 1 - low), first + 1: (low, high)}
+            cells += [f"\taction {move}", *arcs({state: (1.0, 1.0)} if state == world.goal else chances)]
+            moves += landing(first, [aimed]) + landing(first + 1, onward[:move] + onward[move + 1 :])
+    path = tmp_path / "grid.drn"
+    head = ["@type: MDP", "@value_type: double-interval", "@parameters", "", "@reward_models", ""]
+    head += ["@nr_states", str(9 * n + 1), "@nr_choices", str(12 * n + 1), "@model"]
+    path.write_text(
+        "\n".join([*head, *cells, *moves, f"state {stopped}", "\taction 0", *arcs({stopped: (1.0, 1.0)}), ""])
+    )
+    scale = world.goal_reward + 1 / (1 - world.gamma)
+    for found, helps in zip(best_of(path), (False, True), strict=True):
+        value = values_between(world, SlipSpan(low, high, helps)).value[start]
+        assert found * scale - 1 / (1 - world.gamma) == pytest.approx(value, abs=1e-5)
+
+
+def arcs(chances):
+    return [f"\t\t{to} : [{low!r}, {high!r}]" for to, (low, high) in sorted(chances.items()) if high > 0]
 
 
 def prism_of(ways, raised):

@@ -199,7 +199,7 @@ def robust(
     assert model.regions is not None
     if model.grid.slip > 0:
         raise SettingError(
-            "where moves slip, times hang on chance already: set motion.slip to 0, or give slip an interval"
+            "where moves slip, times are random already: set motion.slip to 0, or give slip itself an interval"
         )
     if not uncertain.doors and not uncertain.times:
         raise SettingError("say what is uncertain: the chance of a doorway, or the time that a region takes")

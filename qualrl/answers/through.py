@@ -16,7 +16,7 @@ from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.planner import exact_walk
 from qualrl.qualitative.graph import crossings_of
-from qualrl.solving.exact import ExactValues, settle_outward
+from qualrl.solving.exact import ExactValues, SlipSpan, settle_outward
 from qualrl.spatial.region_map import Doorway
 
 
@@ -38,6 +38,21 @@ class ThroughWay:
 
 def way_through(model: HybridMDP, exact: ExactValues, start: int, door: Doorway) -> ThroughWay:
     """The best way from a state, which leaves its region by a doorway of it.  Raises NoPlanError where none does."""
+    world, shifted = values_through(model, exact, start, door, model.grid.slip)
+    slope = Slope(world, world.successor, shifted, exact.shift)
+    first = slope.walk(start, model.region_of != model.region_of[start])
+    rest = [first[-1]] if first[-1] == world.goal else exact_walk(model, exact, first[-1])
+    return ThroughWay((tuple(first), tuple(rest)), float(shifted[start] - exact.shift), slope)
+
+
+def values_through(
+    model: HybridMDP, exact: ExactValues, start: int, door: Doorway, slip: float | SlipSpan
+) -> tuple[GridWorld, NDArray[np.float64]]:
+    """A world in which a state's region is left by one doorway, and the shifted values (S,) of the region there.
+
+    exact: of the whole world, with the same slips.  -inf elsewhere but just beyond the doorway.
+    Raises NoPlanError where no way leads from the state through the doorway, or on to the goal.
+    """
     regions = model.regions
     assert regions is not None
     region = int(model.region_of[start])
@@ -49,18 +64,6 @@ def way_through(model: HybridMDP, exact: ExactValues, start: int, door: Doorway)
     beyond = beyond[np.isfinite(exact.shifted[beyond]) & (world.steps_to_goal[beyond] >= 0)]
     if not len(beyond):
         raise NoPlanError(f"no way leads on to the goal through {door.name}")
-    shifted = _values_inside(model, world, region, beyond, exact)
-    if not np.isfinite(shifted[start]):
-        raise NoPlanError(f"{door.name} cannot be reached from {model.describe(start)} inside its region")
-    slope = Slope(world, world.successor, shifted, exact.shift)
-    first = slope.walk(start, model.region_of != region)
-    rest = [first[-1]] if first[-1] == world.goal else exact_walk(model, exact, first[-1])
-    return ThroughWay((tuple(first), tuple(rest)), float(shifted[start] - exact.shift), slope)
-
-
-def _values_inside(
-    model: HybridMDP, world: GridWorld, region: int, beyond: NDArray[np.int64], exact: ExactValues
-) -> NDArray[np.float64]:
     order, steps = breadth_first(world.successor, beyond)
     inside = order[model.region_of[order] == region]
     shifted = np.full(len(world), -np.inf)
@@ -68,6 +71,8 @@ def _values_inside(
     shifted[inside] = 0.0
     settle_outward(
         world.successor, inside, steps[inside], world.move_reward + exact.shift * (1 - world.gamma), world.goal,
-        world.goal_reward + exact.shift, world.gamma, world.slip, shifted,
+        world.goal_reward + exact.shift, world.gamma, slip, shifted,
     )  # fmt: skip
-    return shifted
+    if not np.isfinite(shifted[start]):
+        raise NoPlanError(f"{door.name} cannot be reached from {model.describe(start)} inside its region")
+    return world, shifted

@@ -29,6 +29,12 @@ def robust(
             help="How many times as long as on the map it takes: 1..1.5, or as measured 1.1,1.4,0.9; * for all others.",
         ),
     ] = None,
+    slip: Annotated[
+        str | None,
+        typer.Option(
+            "--slip", metavar="P", help="That a move slips, instead: an interval 0.05..0.2, or a count 37/400."
+        ),
+    ] = None,
     confidence: Annotated[
         float, typer.Option("--confidence", metavar="P", help="With which all that is counted holds at once.")
     ] = 0.95,
@@ -47,8 +53,9 @@ def robust(
     answered(
         source, settings, Console(as_json, quiet),
         lambda model: questions.robust(
-            model, start, doors={name: _chance(text) for name, text in doors.items()},
-            times={name: _time(text) for name, text in times.items()}, confidence=confidence, most=ways,
+            model, start, doors={name: _chance("--chance", text) for name, text in doors.items()},
+            times={name: _time(text) for name, text in times.items()},
+            slip=None if slip is None else _chance("--slip", slip), confidence=confidence, most=ways,
         ),
     )  # fmt: skip
 
@@ -62,15 +69,15 @@ def _named(option: str, text: str) -> tuple[str, str]:
     return name.strip(), value.strip()
 
 
-def _chance(text: str) -> "Span | Counts":
+def _chance(option: str, text: str) -> "Span | Counts":
     from qualrl.errors import ScenarioError
     from qualrl.qualitative.from_counts import Counts
 
     hits, slash, trials = text.partition("/")
     if not slash:
-        return _span("--chance", text)
+        return _span(option, text)
     if not (hits.strip().isdecimal() and trials.strip().isdecimal()):
-        raise ScenarioError(f"--chance {text!r}: write a count in whole numbers, as 7/10")
+        raise ScenarioError(f"{option} {text!r}: write a count in whole numbers, as 7/10")
     return Counts(int(hits), int(trials))
 
 

@@ -24,6 +24,17 @@ LEAST_RELAXATION = 1.2
 """Nearer 1 it costs more than it saves."""
 
 
+@dataclass(frozen=True)
+class SlipSpan:
+    """A probability of slips that may be another at each step, within bounds."""
+
+    low: float
+    high: float
+    """At most (A - 1) / A, where a move still leads where it aims at as often as to any other place."""
+    helps: bool
+    """Whether it is each time what is best for the robot; else what is worst."""
+
+
 @dataclass(frozen=True, eq=False)
 class ExactValues:
     """V* of every state, once plain and once shifted."""
@@ -53,7 +64,7 @@ def exact_values(world: World) -> ExactValues:
     """
     shift = shift_of(world)
     if isinstance(world, GridWorld):
-        shifted = _solve_grid(world, shift)
+        shifted = _solve_grid(world, shift, world.slip)
         value = shifted - shift
         value[world.goal] = 0.0
     else:
@@ -62,7 +73,20 @@ def exact_values(world: World) -> ExactValues:
     return ExactValues(value, shifted, shift)
 
 
-def _solve_grid(world: GridWorld, shift: float) -> NDArray[np.float64]:
+def values_between(world: GridWorld, span: SlipSpan) -> ExactValues:
+    """Values of the interval MDP in which each move may slip with any probability of a span, known beforehand to none.
+
+    What the robot does is best for them.  No policy is worth more at any slip of the span than if it helps; and one
+    policy is worth at least as much at each of them as if it does not.  world: of slip ``span.high``.
+    """
+    shift = shift_of(world)
+    shifted = _solve_grid(world, shift, span)
+    value = shifted - shift
+    value[world.goal] = 0.0
+    return ExactValues(value, shifted, shift)
+
+
+def _solve_grid(world: GridWorld, shift: float, slip: float | SlipSpan) -> NDArray[np.float64]:
     cut_off = np.flatnonzero(world.steps_to_goal < 0)
     value = np.zeros(len(world))
     value[cut_off] = world.step_reward / (1 - world.gamma) + shift  # straight on for ever
@@ -72,7 +96,7 @@ def _solve_grid(world: GridWorld, shift: float) -> NDArray[np.float64]:
         parts.append((cut_off, np.zeros(len(cut_off), np.int32)))
     for order, layer in parts:
         settle_outward(
-            world.successor, order, layer, reward, world.goal, world.goal_reward + shift, world.gamma, world.slip, value
+            world.successor, order, layer, reward, world.goal, world.goal_reward + shift, world.gamma, slip, value
         )
     value[world.goal] = shift
     return value
@@ -80,15 +104,18 @@ def _solve_grid(world: GridWorld, shift: float) -> NDArray[np.float64]:
 
 def settle_outward(
     successor: NDArray[np.uint32], order: NDArray[np.int64], layer: NDArray[np.int32], reward: NDArray[np.float64],
-    goal: int, goal_value: float, gamma: float, slip: float, value: NDArray[np.float64],
+    goal: int, goal_value: float, gamma: float, slip: "float | SlipSpan", value: NDArray[np.float64],
 ) -> None:  # fmt: skip
     """Solve for the shifted values of the states of ``order`` (N,) and put them in value (S,); the others stay.
 
     successor (S, A); order: outward from what stays; layer (N,): how far each is; reward (A,) shifted; goal: -1 for
     none.  A move and those that slip from it must be possible backwards.
+    slip: a probability, or between what it lies at each step.
     """
     if not len(order):
         return
+    # Beyond backups a span does not always settle: what is best for the robot, or worst, may turn with every step.
+    least, most, helps = (slip.low, slip.high, slip.helps) if isinstance(slip, SlipSpan) else (slip, None, True)
     stays = np.ones(len(value), np.bool_)
     stays[order] = False
     states = np.concatenate([order, np.flatnonzero(stays)])
@@ -98,8 +125,8 @@ def settle_outward(
     swept(
         len(order), bellman.settle_grid,
         number[successor[order]], np.flatnonzero(np.diff(layer, append=-1)) + 1, reward,
-        int(number[goal]) if goal >= 0 else -1, goal_value, gamma, float(slip),
-        relaxation(slip, gamma, successor.shape[1]), ordered,
+        int(number[goal]) if goal >= 0 else -1, goal_value, gamma, float(least), most, helps,
+        relaxation(least, gamma, successor.shape[1]) if most is None else 1.0, ordered,
         np.ones(len(states), np.bool_), np.zeros(4, np.int64), TOLERANCE,
     )  # fmt: skip
     value[states] = ordered

@@ -1,0 +1,217 @@
+"""By which doorway it is best to leave a region while the probability of slips is known as an interval only.
+
+For a span of probabilities each way has bounds: what it is worth if every step slips as is best for it, and if every
+step slips as is worst (an interval MDP over the cells).  Where bounds of two ways do not overlap, one is better for all
+of the span; where they do, the span is halved.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations, groupby
+from typing import Any
+
+from qualrl.answers.through import values_through
+from qualrl.errors import NoPlanError, SettingError
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.qualitative.from_counts import Counts
+from qualrl.qualitative.robust_order import BETTER, UNDECIDED, WORSE
+from qualrl.solving.exact import SlipSpan, exact_values, values_between
+from qualrl.spatial.region_map import Doorway
+
+MOST_SPANS = 64
+"""Spans that are solved at most, each twice."""
+ALIKE = 1e-8
+"""Bounds that differ by less than this share are the same: values are solved to 1e-12 of a backup."""
+
+Span = tuple[float, float]
+Bounds = Mapping[str, Span]
+"""By doorway."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Which of two doorways is better for a span of slips."""
+
+    low: float
+    high: float
+    relation: str
+    """BETTER: the first; WORSE: the second; or UNDECIDED."""
+
+
+@dataclass(frozen=True)
+class RobustSlip:
+    """The answer."""
+
+    start: str
+    goal: str
+    region: str
+    """That is left."""
+    gamma: float
+    slip: Span
+    counts: Counts | None
+    confidence: float
+    worth: Bounds
+    """What each way is worth at least and at most, even if slips are as likely as they like at each step; best first by
+    the middle of the interval."""
+    verdicts: Mapping[tuple[str, str], tuple[Verdict, ...]]
+
+    def explain(self) -> str:
+        """In words, a line a fact."""
+        lines = [
+            f"From {self.start} to {self.goal} at gamma {self.gamma:g}, moves slip with a probability of "
+            f"{_between(*self.slip)}{self._counted()}."
+        ]
+        for door, (least, most) in self.worth.items():
+            lines.append(f"Leaving {self.region} by {door} is worth {_between(least, most)}.")
+        for (one, other), verdicts in self.verdicts.items():
+            lines.append(f"{_verdicts_in_words(one, other, verdicts)}.")
+        safest = max(self.worth, key=lambda door: self.worth[door][0])
+        lines.append(
+            f"Best in the worst case: {safest}, worth at least {self.worth[safest][0]:.6g} "
+            "even if the probability is another at each step."
+        )
+        return "\n".join(lines)
+
+    def _counted(self) -> str:
+        if self.counts is None:
+            return ""
+        of = self.counts
+        return f" ({of.hits} of {of.trials} moves did; confidence {self.confidence:g})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON twin of ``explain``."""
+        return {
+            "question": "robust", "from": self.start, "to": self.goal, "region": self.region, "gamma": self.gamma,
+            "slip": list(self.slip), "counts": None if self.counts is None else [self.counts.hits, self.counts.trials],
+            "confidence": self.confidence, "ways": {door: list(span) for door, span in self.worth.items()},
+            "verdicts": [
+                {"ways": list(pair), "low": of.low, "high": of.high, "relation": of.relation}
+                for pair, verdicts in self.verdicts.items() for of in verdicts
+            ],
+            "sentences": self.explain().splitlines(),
+        }  # fmt: skip
+
+
+def robust_slip(
+    model: HybridMDP, start: int, names: tuple[str, str], slip: Span | Counts, confidence: float, most: int
+) -> RobustSlip:
+    """Compare the doorways of a state's region while slips are uncertain.  names: of start and goal.
+
+    most: doorways to compare.  Raises SettingError, and NoPlanError where no way leads to the goal, or by no doorway.
+    """
+    if not 0 < confidence < 1:
+        raise SettingError(f"confidence must be above 0 and below 1, got {confidence}")
+    low, high = slip.interval(confidence) if isinstance(slip, Counts) else slip
+    blind = 1 - 1 / model.grid.n_actions
+    if not 0 <= low <= high <= blind:
+        raise SettingError(
+            f"slip must be an interval from 0 to {blind:g}, the lower end first, got {low:.6g}..{high:.6g}: "
+            "beyond, moves lead less often where they aim at than elsewhere"
+        )
+    model.check_reachable(start)
+    doors = _doors(model, start, (low + high) / 2, most)
+    whole = _bounds(model, start, doors, low, high)
+    pairs = list(combinations((door.name for door in doors), 2))
+    found = _Search(model, start, doors, pairs).verdicts(low, high, whole)
+    return RobustSlip(
+        *names, model.region_names[model.region_of[start]], model.gamma, (low, high),
+        slip if isinstance(slip, Counts) else None, confidence, whole, found,
+    )  # fmt: skip
+
+
+def _doors(model: HybridMDP, start: int, slip: float, most: int) -> list[Doorway]:
+    """The doorways of a state's region by which a way leads on, the best first at some slip."""
+    assert model.regions is not None
+    own = [door for door in model.regions.doorways if int(model.region_of[start]) in door.pair]
+    changed = replace(model, world=replace(model.grid, slip=slip))
+    exact, worth = exact_values(changed.world), dict[str, float]()
+    for door in own:
+        try:
+            worth[door.name] = float(values_through(changed, exact, start, door, slip)[1][start])
+        except NoPlanError:  # this doorway leads nowhere
+            continue
+    if not worth:
+        raise NoPlanError(f"no doorway of {model.region_names[model.region_of[start]]} leads on to the goal")
+    return sorted((door for door in own if door.name in worth), key=lambda door: -worth[door.name])[:most]
+
+
+def _bounds(model: HybridMDP, start: int, doors: Sequence[Doorway], low: float, high: float) -> Bounds:
+    """What leaving by each doorway is worth at least and at most for a span of slips."""
+    changed = replace(model, world=replace(model.grid, slip=high))
+    ends = list[dict[str, float]]()
+    for helps in (False, True):
+        span = SlipSpan(low, high, helps)
+        values = values_between(changed.grid, span)
+        ends.append(
+            {
+                door.name: float(values_through(changed, values, start, door, span)[1][start]) - values.shift
+                for door in doors
+            }
+        )
+    return {name: (least, ends[1][name]) for name, least in ends[0].items()}
+
+
+@dataclass
+class _Search:
+    """Halves the span until each pair of ways is told apart."""
+
+    model: HybridMDP
+    start: int
+    doors: Sequence[Doorway]
+    pairs: Sequence[tuple[str, str]]
+    solved: int = 0
+    parts: list[tuple[float, float, dict[tuple[str, str], str]]] = field(default_factory=list)
+
+    def verdicts(self, low: float, high: float, whole: Bounds) -> dict[tuple[str, str], tuple[Verdict, ...]]:
+        """Of each pair, spans in order; neighbours of one kind are one."""
+        waiting = [(low, high, self._relations(whole))]
+        while waiting:
+            waiting.sort(key=lambda part: part[0] - part[1])
+            low, high, relations = waiting.pop(0)
+            if UNDECIDED not in relations.values() or low == high or self.solved >= MOST_SPANS:
+                self.parts.append((low, high, relations))
+                continue
+            middle = (low + high) / 2
+            for half in ((low, middle), (middle, high)):
+                self.solved += 1
+                found = self._relations(_bounds(self.model, self.start, self.doors, *half))
+                known = {pair: found[pair] if of == UNDECIDED else of for pair, of in relations.items()}
+                waiting.append((*half, known))
+        self.parts.sort(key=lambda part: part[0])
+        return {pair: self._joined(pair) for pair in self.pairs}
+
+    def _relations(self, bounds: Bounds) -> dict[tuple[str, str], str]:
+        found = {}
+        for one, other in self.pairs:
+            (low, high), (other_low, other_high) = bounds[one], bounds[other]
+            rounding = ALIKE * max(abs(end) for end in (low, high, other_low, other_high))
+            is_better, is_worse = low > other_high + rounding, high < other_low - rounding
+            found[one, other] = BETTER if is_better else WORSE if is_worse else UNDECIDED
+        return found
+
+    def _joined(self, pair: tuple[str, str]) -> tuple[Verdict, ...]:
+        found = []
+        for relation, group in groupby(self.parts, key=lambda part: part[2][pair]):
+            parts = list(group)
+            found.append(Verdict(parts[0][0], parts[-1][1], relation))
+        return tuple(found)
+
+
+def _verdicts_in_words(one: str, other: str, verdicts: Sequence[Verdict]) -> str:
+    better = {BETTER: f"{one} is better than {other}", WORSE: f"{other} is better than {one}"}
+    if len(verdicts) == 1 and verdicts[0].relation != UNDECIDED:
+        return f"Certain: {better[verdicts[0].relation]}, whatever the probability is"
+    if len(verdicts) == 1:
+        return f"Undecided: whether {one} or {other} is better"
+    told = [
+        f"{better[of.relation]} from {of.low:.4g} to {of.high:.4g}"
+        for of in verdicts if of.relation != UNDECIDED
+    ]  # fmt: skip
+    kinds = {of.relation for of in verdicts} - {UNDECIDED}
+    rest = [f"{of.low:.4g} to {of.high:.4g}" for of in verdicts if of.relation == UNDECIDED]
+    undecided = f"; undecided from {', '.join(rest)}" if rest else ""
+    return f"{'Possible' if len(kinds) > 1 else 'Certain'}: {', '.join(told)}{undecided}"
+
+
+def _between(low: float, high: float) -> str:
+    return f"{low:.6g} to {high:.6g}" if low < high else f"{low:.6g}"

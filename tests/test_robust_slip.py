@@ -1,0 +1,194 @@
+"""Doorways while slips are known as an interval only: against value iteration in numpy, state by state."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import qualrl
+from qualrl.answers import robust_slip
+from qualrl.errors import NoPlanError, SettingError
+from qualrl.models.grid_world import GridWorld
+from qualrl.qualitative.from_counts import Counts
+from qualrl.qualitative.graph import crossings_of
+from qualrl.solving.exact import SlipSpan, exact_values, values_between
+from tests.command_here import qualrl as qualrl_command
+from tests.test_commands import draw
+from tests.test_planning import LOOP
+from tests.worlds import free_masks, grid_of
+
+REGIONS = qualrl.segment(grid_of(LOOP))
+GAMMA = 0.9
+
+
+def iterated(successor, reward, goal, goal_reward, gamma, slips, pick, fixed=None):
+    """Values by plain iteration; pick: np.min or np.max over the slips; fixed: values of states that keep them."""
+    n, moves = successor.shape
+    value = np.zeros(n) if fixed is None else np.where(np.isfinite(fixed), fixed, 0.0)
+    stays = np.zeros(n, bool) if fixed is None else np.isfinite(fixed)
+    stays[goal] = True
+    value[goal] = 0.0
+    for _ in range(10_000):
+        worth = np.where(successor == goal, goal_reward, reward + gamma * value[successor])
+        others = (worth.sum(axis=1, keepdims=True) - worth) / (moves - 1)
+        q = pick([(1 - slip) * worth + slip * others for slip in slips], axis=0)
+        new = np.where(stays, value, q.max(axis=1))
+        if np.abs(new - value).max() < 1e-13:
+            break
+        value = new
+    return new
+
+
+def values_of(world, slips, pick):
+    return iterated(
+        world.successor.astype(int), world.move_reward, world.goal, world.goal_reward, world.gamma, slips, pick
+    )
+
+
+SPANS = st.tuples(st.integers(0, 75), st.integers(0, 75)).map(lambda ends: tuple(end / 100 for end in sorted(ends)))
+
+
+@settings(deadline=None, max_examples=50)
+@given(free_masks(7), st.randoms(use_true_random=False), SPANS, st.sampled_from([4, 8]))
+def test_values_are_those_of_an_interval_mdp(free, random, span, directions):
+    cell = tuple(map(int, random.choice(np.argwhere(free).tolist())))
+    low, high = span
+    world = GridWorld(free, cell, GAMMA, high, directions)
+    for helps, pick in ((False, np.min), (True, np.max)):
+        found = values_between(world, SlipSpan(low, high, helps))
+        expected = values_of(world, span, pick)
+        reaches = world.steps_to_goal >= 0
+        assert found.value[reaches] == pytest.approx(expected[reaches], rel=1e-8, abs=1e-8)
+    for slip in np.linspace(low, high, 3).tolist():
+        fixed = exact_values(GridWorld(free, cell, GAMMA, slip, directions)).value
+        least, most = (values_between(world, SlipSpan(low, high, helps)).value for helps in (False, True))
+        assert (least <= fixed + 1e-9).all()
+        assert (fixed <= most + 1e-9).all()
+
+
+def worth_through(model, door, slip):
+    """Of leaving the start's region by a doorway, its others shut, and the best way from there on."""
+    world, regions = model.grid, model.regions
+    onward = world.successor.astype(int)
+    whole = iterated(onward, world.move_reward, world.goal, world.goal_reward, world.gamma, [slip], np.min)
+    region = model.region_of[model.start]
+    own = {tuple(sorted(world.state_of[cell] for cell in ends)) for ends in crossings_of(regions, door)}
+    shut = onward.copy()
+    for state in np.flatnonzero(model.region_of == region):
+        for move, to in enumerate(onward[state]):
+            if model.region_of[to] != region and tuple(sorted((state, to))) not in own:
+                shut[state, move] = state
+    fixed = np.where(model.region_of == region, np.nan, whole)
+    inside = iterated(shut, world.move_reward, world.goal, world.goal_reward, world.gamma, [slip], np.min, fixed)
+    return inside[model.start]
+
+
+@settings(deadline=None, max_examples=15)
+@given(
+    st.sampled_from([tuple(cell) for cell in np.argwhere(REGIONS.grid.free).tolist()]),
+    st.sampled_from([tuple(cell) for cell in np.argwhere(REGIONS.grid.free).tolist()]),
+    SPANS,
+)
+def test_verdicts_hold_for_every_slip_of_their_span(start, goal, span):
+    assume(REGIONS.label[start] != REGIONS.label[goal])
+    model = qualrl.build(REGIONS, list(goal), start=list(start), gamma=GAMMA)
+    answer = qualrl.questions.robust(model, slip=span)
+    door_named = {door.name: door for door in REGIONS.doorways}
+    for slip in np.linspace(*span, 4).tolist():
+        worth = {name: worth_through(model, door_named[name], slip) for name in answer.worth}
+        for name, (least, most) in answer.worth.items():
+            assert least - 1e-7 <= worth[name] <= most + 1e-7
+        for (one, other), verdicts in answer.verdicts.items():
+            assert [of.low for of in verdicts[1:]] == [of.high for of in verdicts[:-1]]
+            assert (verdicts[0].low, verdicts[-1].high) == span
+            for of in verdicts:
+                if of.low <= slip <= of.high and of.relation != "undecided":
+                    assert (worth[one] > worth[other]) == (of.relation == "better")
+
+
+ALONG_OR_ROUND = """
+###############################
+#.....#.................#.....#
+#.....#.................#.....#
+#.....#.................#.....#
+#.....#.................#.....#
+#.....#.................#.....#
+#.............................#
+#.....#.................#.....#
+#.....#.................#.....#
+#.....#.................#.....#
+#.....#.................#.....#
+#.....#.................#.....#
+#.....###################.....#
+#.....###################.....#
+#.............................#
+#.....###################.....#
+###############################
+"""
+
+
+def test_where_two_doorways_change_places_both_verdicts_are_found():
+    """Slips to the side cost steps in the hall, none in the passage, which is a little longer."""
+    model = qualrl.build(qualrl.segment(grid_of(ALONG_OR_ROUND)), [13, 25], start=[6, 2], gamma=0.95)
+    answer = qualrl.questions.robust(model, slip=(0.0, 0.5))
+    ((pair, verdicts),) = answer.verdicts.items()
+    assert [of.relation for of in verdicts] == ["worse", "undecided", "better"]
+    for slip, sign in ((verdicts[0].high, -1), (verdicts[2].low, 1)):
+        worth = [
+            worth_through(model, door, slip) for name in pair for door in model.regions.doorways if door.name == name
+        ]
+        assert sign * (worth[0] - worth[1]) > 0
+    assert "Possible: " in answer.explain()
+    assert "; undecided from " in answer.explain()
+
+
+def test_where_it_is_settled_too_late_it_is_undecided(monkeypatch):
+    monkeypatch.setattr(robust_slip, "MOST_SPANS", 0)
+    model = qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=GAMMA)
+    answer = qualrl.questions.robust(model, slip=(0.0, 0.7))
+    assert "Undecided: whether" in answer.explain()
+
+
+def test_a_count_of_slips_is_an_interval():
+    model = qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=GAMMA)
+    answer = qualrl.questions.robust(model, slip=Counts(3, 40), confidence=0.9)
+    assert answer.slip == Counts(3, 40).interval(0.9)
+    assert "(3 of 40 moves did; confidence 0.9)" in answer.explain()
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"slip": (0.2, 0.1)}, "the lower end first"),
+        ({"slip": (0.2, 0.8)}, "from 0 to 0.75"),
+        ({"slip": (0.2, 0.3), "confidence": 0.0}, "confidence must be"),
+        ({"slip": (0.2, 0.3), "times": {"*": (1, 2)}}, "not both"),
+    ],
+)
+def test_what_is_no_interval_of_slips_is_refused(asked, message):
+    with pytest.raises(SettingError, match=message):
+        qualrl.questions.robust(qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=GAMMA), **asked)
+
+
+def test_where_no_doorway_leads_on_there_is_no_plan():
+    one_room = qualrl.build(qualrl.segment(grid_of("#####\n#...#\n#...#\n#####")), [1, 1], start=[2, 3], gamma=GAMMA)
+    with pytest.raises(NoPlanError, match="no doorway of"):
+        qualrl.questions.robust(one_room, slip=(0.1, 0.2))
+
+
+def test_the_command_answers(tmp_path):
+    draw(tmp_path, "loop", LOOP)
+    (tmp_path / "loop.scenario.yaml").write_text("map: loop.yaml\nstart: [2, 2]\ngoal: [2, 24]\nlearn: {gamma: 0.9}\n")
+    asked = "robust", "loop.scenario.yaml", "--slip", "0.05..0.3"
+    document = json.loads(qualrl_command(*asked, "--json", cwd=tmp_path)[0])
+    said = qualrl_command(*asked, cwd=tmp_path)[0].splitlines()
+    assert said == document["sentences"]
+    assert document["slip"] == [0.05, 0.3]
+    for door, (least, most) in document["ways"].items():
+        assert f"Leaving {document['region']} by {door} is worth {least:.6g} to {most:.6g}." in said
+    safest = max(document["ways"], key=lambda door: document["ways"][door][0])
+    assert said[-1].startswith(f"Best in the worst case: {safest}, worth at least {document['ways'][safest][0]:.6g} ")
+    _, error = qualrl_command("robust", "loop.scenario.yaml", "--slip", "3/x", cwd=tmp_path, expect=2)
+    assert "--slip '3/x': write a count in whole numbers" in error
