@@ -172,7 +172,15 @@ class Robust:
             "question": "robust", "from": self.start, "to": self.goal, "gamma": self.gamma,
             "confidence": self.uncertain.confidence,
             "doors": {name: list(self.uncertain.door(name)) for name in self.uncertain.doors},
-            "numbers": {key: list(span) for key, span in self.box.items()},
+            "counts": {
+                name: [given.hits, given.trials]
+                for name, given in self.uncertain.doors.items() if isinstance(given, Counts)
+            },
+            "times": {
+                name: list(times.times if isinstance(times, Samples) else times)
+                for name, times in self.uncertain.times.items()
+            },
+            "numbers": {key: list(span) for key, span in self.box.items()}, "measured": dict(self.measured),
             "ways": [rival.to_dict() for rival in self.rivals],
             "orders": [self._order_to_dict(pair) for pair in self.orders],
             "safest": self.safest + 1, "others": self.others, "sentences": self.explain().splitlines(),
