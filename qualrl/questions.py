@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from qualrl.api import PlaceLike, check_type, goal_name, start_of
 from qualrl.errors import SettingError, UnknownNameError
 from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.spatial.place import names_between_commas
 
 if TYPE_CHECKING:
     from qualrl.answers.envision import Envisioned
@@ -104,10 +105,10 @@ def compared(
     return answers.what_if(model, changed, (state, after), (name, goal_name(model)), told, chance)
 
 
-def reconcile(model: HybridMDP, expected: Sequence[str], start: PlaceLike | None = None) -> "Reconciled":
+def reconcile(model: HybridMDP, expected: str | Sequence[str], start: PlaceLike | None = None) -> "Reconciled":
     """The smallest change of the map (doorways closed, walls opened) under which an expected plan would be best.
 
-    expected: the regions it passes, in their order, from the start's to the goal's.
+    expected: the regions it passes, in their order, from the start's to the goal's; or their names with commas between.
     Raises UnknownNameError, SettingError, and NoPlanError where nothing would do.
     """
     from qualrl.answers import reconcile as answers
@@ -118,7 +119,7 @@ def reconcile(model: HybridMDP, expected: Sequence[str], start: PlaceLike | None
     if not expected:
         raise SettingError("say which regions the plan is expected to pass")
     state, name = start_of(model, start)
-    asked = [part.strip() for part in expected.split(",")] if isinstance(expected, str) else expected
+    asked = names_between_commas(expected, model.region_names) if isinstance(expected, str) else expected
     return answers.reconcile(model, state, (name, goal_name(model)), asked)
 
 

@@ -168,7 +168,7 @@ def test_every_number_of_the_sentences_stands_in_the_json():
             pair = pairs[of.strip(), seen_from]
             assert pair["distance"] in words
             assert f"{pair['walk_m']:.1f} m" in words
-            assert pair["direction"].replace("middle", "in its midst") in words
+            assert pair["direction"].replace("middle", "within its bounds") in words
             assert all(door in words for door in pair["doorways"])
 
 

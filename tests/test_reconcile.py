@@ -13,6 +13,7 @@ import qualrl
 from qualrl.answers import reconcile as questions
 from qualrl.answers.ways import course
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError
+from qualrl.spatial.place import names_between_commas
 from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
 from tests.test_planning import LOOP
@@ -163,3 +164,30 @@ def test_the_command_answers_and_refuses(tmp_path):
     error = qualrl_command("reconcile", "loop.scenario.yaml", "--expect", "room A,,", cwd=tmp_path, expect=2)[1]
     assert "write names with a comma between" in error
     assert error.count("\n") == 1
+
+
+def test_names_may_hold_commas(tmp_path):
+    draw(tmp_path, "loop", LOOP)
+    names = "names: {room A: 'lab, upstairs', room C: 'lab, upstairs, left'}\n"
+    (tmp_path / "loop.scenario.yaml").write_text(f"map: loop.yaml\nstart: [2, 2]\ngoal: [2, 24]\n{names}")
+    places = json.loads(qualrl_command("plan", "loop.scenario.yaml", "--json", cwd=tmp_path)[0])["places"]
+    assert any("," in place for place in places)
+    asked = qualrl_command("reconcile", "loop.scenario.yaml", "--expect", ",".join(places), "--json", cwd=tmp_path)
+    assert json.loads(asked[0])["own"]["places"] == places
+    opened = "lab, upstairs, left ,lab,upstairs"
+    document = json.loads(qualrl_command("what-if", "loop.scenario.yaml", "--open", opened, "--json", cwd=tmp_path)[0])
+    assert "from lab, upstairs, left to lab, upstairs (" in document["changes"][0]
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("a, b", ["a", "b"]),
+        ("x, y, a", ["x, y", "a"]),
+        ("x,y,z", ["x, y, z"]),
+        ("x, z", ["x", "z"]),
+        ("a, x, y, b", ["a", "x, y", "b"]),
+    ],
+)
+def test_the_longest_name_that_fits_is_taken(text, found):
+    assert names_between_commas(text, ["a", "b", "x, y", "x, y, z"]) == found

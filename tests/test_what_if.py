@@ -59,8 +59,8 @@ def test_at_the_break_even_trying_is_worth_as_much_as_going_round(opened, closed
 @given(COURSES, COURSES, COURSES)
 def test_the_limit_is_where_the_formula_tends_to(opened, closed, around):
     found = BreakEven(opened, closed, around)
-    gamma = 1 - mpmath.mpf(10) ** -30
     with mpmath.workdps(120):
+        gamma = 1 - mpmath.mpf(10) ** -30
         a, b, c = (
             mpmath.fsum(
                 mpmath.mpf(stretch.reward) * gamma**t

@@ -40,16 +40,6 @@ def asked(
         return model, ask(model)
 
 
-def listed(option: str, text: str) -> list[str]:
-    """Names between commas.  Raises ScenarioError."""
-    from qualrl.errors import ScenarioError
-
-    names = [name.strip() for name in text.split(",")]
-    if not all(names):
-        raise ScenarioError(f"{option} {text!r}: write names with a comma between, as 'room A, corridor 1'")
-    return names
-
-
 def told(answer: Answer, console: Console) -> None:
     """Print an answer."""
     console.result(answer.to_dict(), lambda: print(answer.explain()))

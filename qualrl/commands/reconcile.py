@@ -6,7 +6,7 @@ import typer
 
 from qualrl.commands.console import Console, guarded
 from qualrl.commands.options import AsJson, Debug, Quiet, ScenarioFile, Settings
-from qualrl.commands.questions import From, answered, listed
+from qualrl.commands.questions import From, answered
 
 
 @guarded
@@ -24,5 +24,4 @@ def reconcile(
     """Find the smallest change of the map under which the plan that you expect would be best."""
     from qualrl import questions
 
-    expected = listed("--expect", expect)
-    answered(source, settings, Console(as_json, quiet), lambda model: questions.reconcile(model, expected, start=start))
+    answered(source, settings, Console(as_json, quiet), lambda model: questions.reconcile(model, expect, start=start))

@@ -1,12 +1,13 @@
 """``qualrl what-if``: what a change does to a plan."""
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
 
 from qualrl.commands.console import PARSING, Console, guarded
 from qualrl.commands.options import AsJson, Debug, Quiet, ScenarioFile
-from qualrl.commands.questions import From, listed, told
+from qualrl.commands.questions import From, told
 
 
 @guarded
@@ -44,7 +45,7 @@ def what_if(
         before = scenario.build()
         after = before if changed == scenario else changed.build(before.regions if _on_same_map(asked) else None)
     with console.stage("solving"):
-        pair = None if opened is None else _pair(opened)
+        pair = None if opened is None else _pair(opened, before.region_names)
         answer = questions.compared(before, after, start, tuple(asked), close=close or (), open=pair, chance=chance)
     told(answer, console)
 
@@ -55,11 +56,12 @@ def _on_same_map(settings: list[str]) -> bool:
     return all(setting.strip().startswith(keys) for setting in settings)
 
 
-def _pair(text: str) -> tuple[str, str]:
+def _pair(text: str, known: Sequence[str]) -> tuple[str, str]:
     """Two regions' names around a comma."""
     from qualrl.errors import ScenarioError
+    from qualrl.spatial.place import names_between_commas
 
-    names = listed("--open", text)
+    names = names_between_commas(text, known)
     if len(names) != 2:
         raise ScenarioError(f"--open {text!r}: name two regions with a comma between, as 'room A, corridor 1'")
     return names[0], names[1]

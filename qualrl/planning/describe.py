@@ -121,7 +121,7 @@ class Description:
         if not (relations.is_region(of) and relations.is_region(seen_from)):
             words.append(RCC8_WORDS[relations.topology(of, seen_from)] + " it")
         tile, walk_m = relations.direction(of, seen_from), relations.distance_m(of, seen_from)
-        words.append(tile if tile != "middle" else "in its midst")
+        words.append(tile if tile != "middle" else "within its bounds")
         words.append(self.cuts.name(walk_m) + (f", {walk_m:.1f} m" if walk_m < math.inf else ", no way"))
         return words + [f"by {' and '.join(doors)}" for doors in [relations.doorways(of, seen_from)] if doors]
 

@@ -82,8 +82,8 @@ class Checked:
         """In words: a line a statement, then the clashes."""
         counts = {holds: sum(one.holds is holds for one in self.judged) for holds in (True, False, None)}
         lines = [
-            f"{len(self.judged)} claims: {counts[True]} true, {counts[False]} false, "
-            f"{counts[None]} of places that are not on the map; {len(self.clashes)} clashes."
+            f"{_counted(len(self.judged), 'claim')}: {counts[True]} true, {counts[False]} false, "
+            f"{counts[None]} of places that are not on the map; {_counted(len(self.clashes), 'clash', 'es')}."
         ]
         lines += [one.in_words() for one in self.judged]
         for clash in self.clashes:
@@ -288,6 +288,10 @@ def _measured(relations: Relations, of: Statement, cuts: DistanceCuts) -> tuple[
     rcc8 = relations.topology(a, b)
     words = next(word for word, names in RCC8.items() if rcc8 in names and word != CONNECTED)
     return rcc8 in RCC8[of.relation], f"{a} {_linked(words)} {b} ({rcc8})", {"rcc8": rcc8}
+
+
+def _counted(count: int, one: str, many: str = "s") -> str:
+    return f"{count} {one}{'' if count == 1 else many}"
 
 
 def _linked(words: str) -> str:

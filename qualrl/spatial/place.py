@@ -6,11 +6,12 @@ point (or exponent) in at least one of the two numbers.
 
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from qualrl.errors import PlaceError, UnknownNameError, shown
+from qualrl.errors import PlaceError, SettingError, UnknownNameError, shown
 from qualrl.spatial.occupancy_grid import Cell, OccupancyGrid
 from qualrl.spatial.region_map import RegionMap
 
@@ -161,3 +162,24 @@ def _pair(first: float, second: float) -> Place:
         return PlaceMetres(float(first), float(second))
     except OverflowError:
         raise PlaceError(f"must be {EXPECTED}, got a number too large for a point") from None
+
+
+def names_between_commas(text: str, known: Iterable[str]) -> list[str]:
+    """Names with commas between; a known one may hold some itself, and the longest that fits is taken.
+
+    >>> names_between_commas("room A, lab, upstairs", ["lab, upstairs", "room A"])
+    ['room A', 'lab, upstairs']
+
+    Raises SettingError where nothing stands between two commas.
+    """
+    parts = [part.strip() for part in text.split(",")]
+    if not all(parts):
+        raise SettingError(f"{text!r}: write names with a comma between, as 'room A, corridor 1'")
+    plain = {",".join(part.strip() for part in name.split(",")): name for name in known}
+    found = list[str]()
+    while parts:
+        fits = [count for count in range(1, len(parts) + 1) if ",".join(parts[:count]) in plain]
+        count = max(fits, default=1)
+        found.append(plain.get(",".join(parts[:count]), parts[0]))
+        parts = parts[count:]
+    return found
