@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import math
 
 import networkx as nx
 import numpy as np
@@ -12,6 +13,8 @@ from hypothesis import strategies as st
 import qualrl
 from qualrl.errors import NoPlanError, PlaceError, SettingError, UnknownNameError
 from qualrl.planning.legs import legs_of
+from qualrl.planning.on_the_way import REACH_M, SIDES, passages
+from qualrl.planning.plan import Step
 from qualrl.qualitative.graph import crossings_of
 from tests import oracles
 from tests.worlds import PUZZLE, TWO_ROOMS, free_masks, grid_of
@@ -275,3 +278,55 @@ def test_a_diagonal_between_regions_that_touch_at_a_corner_only_is_told_by_a_doo
     near = next(door for door in regions.doorways if f"go through {door.name} to" in first.action)
     assert int(regions.label[5, 2]) in near.pair
     assert np.abs(near.cells - [5.5, 2.5]).sum(axis=1).min() <= 1
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    st.sampled_from([tuple(cell) for cell in np.argwhere(grid_of(LOOP).free).tolist()]),
+    st.sampled_from([tuple(cell) for cell in np.argwhere(grid_of(LOOP).free).tolist()]),
+    st.sampled_from([4, 8]),
+)
+def test_a_plan_tells_where_to_turn_and_a_mirror_swaps_left_and_right(start, goal, directions):
+    assume(start != goal)
+    regions = qualrl.segment(grid_of(LOOP))
+    mirrored = qualrl.segment(grid_of("\n".join(line[::-1] for line in LOOP.strip().splitlines())))
+    width = regions.label.shape[1]
+    plan = qualrl.plan(qualrl.build(regions, list(goal), start=list(start), directions=directions, gamma=0.97))
+    for number, step in enumerate(plan.steps):
+        assert (step.side is None) == (number == 0 or step.steps == 0)
+        if step.side:
+            assert SIDES[step.side] in plan.explain().splitlines()[number + 1]
+    swap = {"left": "right", "right": "left", "straight": "straight", "back": "back", None: None}
+    path = [(row, width - 1 - column) for row, column in plan.path]
+    told = [of.side for of in passages(mirrored, path)]
+    assert told == [swap[step.side] for step in plan.steps]
+
+
+@pytest.mark.parametrize("directions", [4, 8])
+def test_landmarks_on_a_plan_are_as_near_as_it_says(directions):
+    regions = qualrl.load_scenario("office").build().regions
+    model = qualrl.build(regions, "room D", start="room A", gamma=0.999, directions=directions)
+    plan = qualrl.plan(model)
+    marks = {mark.name: mark for mark in regions.landmarks}
+    reach = REACH_M / regions.grid.resolution_m
+    first = 0
+    for step in plan.steps:
+        leg = plan.path[first : first + step.steps + 1]
+        for name in step.passes:
+            away = min(math.dist(cell, at) for cell in leg for at in marks[name].cells.tolist())
+            assert away <= reach
+            assert name not in step.action
+        first += step.steps
+    passed = [name for step in plan.steps for name in step.passes]
+    assert len(passed) == len(set(passed)) > 2
+    nearest = [
+        min(range(len(plan.path)), key=lambda at: min(math.dist(plan.path[at], c) for c in marks[name].cells.tolist()))
+        for name in passed
+    ]
+    assert nearest == sorted(nearest)
+
+
+def test_many_landmarks_are_cut_short_in_words():
+    step = Step("room A", "walk to the goal", "room A", 1.0, "why", None, None, None, 9, 9.0, "left", tuple("abcdefg"))
+    assert step.in_words() == "In room A, to the left, walk to the goal (9.00 m, past a, b, c, d, e, 2 more): why."
+    assert step.to_dict()["passes"] == list("abcdefg")

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.qualitative.graph import crossings_of
+from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.region_map import Doorway, RegionMap
 
 
@@ -19,10 +20,25 @@ def doors_passed(
     It is the doorway between the two regions that lies nearest.  Where they touch at a corner only, so that there is
     none, it is the nearest one out of the first region, whose cells a robot cuts then.
     """
-    cells, found = model.grid.cells, np.empty(len(last), np.int32)
-    middle = (cells[last] + cells[first]) / 2
-    ends = np.stack([model.region_of[last], model.region_of[first]], axis=1)
-    places = [np.array(crossings_of(regions, door)).reshape(-1, 2, 2).mean(axis=1) for door in regions.doorways]
+    return _doors_between(regions, model.grid.cells[last], model.grid.cells[first])
+
+
+def door_taken(model: HybridMDP, regions: RegionMap, last: int, first: int) -> Doorway:
+    """The same for one step."""
+    return regions.doorways[int(doors_passed(model, regions, np.array([last]), np.array([first]))[0])]
+
+
+def doorway_passed(regions: RegionMap, here: Cell, there: Cell) -> Doorway:
+    """The same for one step from cell to cell."""
+    return regions.doorways[int(_doors_between(regions, np.array([here]), np.array([there]))[0])]
+
+
+def _doors_between(
+    regions: RegionMap, last: NDArray[np.integer], first: NDArray[np.integer]
+) -> NDArray[np.int32]:  # fmt: skip
+    """The same for steps from cells last (N, 2) to cells first (N, 2)."""
+    found, middle = np.empty(len(last), np.int32), (last + first) / 2
+    ends = np.stack([regions.label[cells[:, 0], cells[:, 1]] for cells in (last, first)], axis=1)
     pairs = np.array([door.pair for door in regions.doorways], np.int32).reshape(-1, 2)
     kinds, of = np.unique(ends, axis=0, return_inverse=True)
     for kind, (here, there) in enumerate(kinds.tolist()):
@@ -30,14 +46,17 @@ def doors_passed(
         doors = np.flatnonzero((pairs == sorted((here, there))).all(axis=1))
         if not len(doors):
             doors = np.flatnonzero((pairs == here).any(axis=1))
-        far = np.stack([_distance(middle[steps], places[door]) for door in doors.tolist()])
+        far = np.stack([_distance(middle[steps], _places(regions, door)) for door in doors.tolist()])
         found[steps] = doors[far.argmin(axis=0)]
     return found
 
 
-def door_taken(model: HybridMDP, regions: RegionMap, last: int, first: int) -> Doorway:
-    """The same for one step."""
-    return regions.doorways[int(doors_passed(model, regions, np.array([last]), np.array([first]))[0])]
+def _places(regions: RegionMap, door: int) -> NDArray[np.float64]:
+    """(K, 2) the middles of the steps through a doorway."""
+    middles: NDArray[np.float64] = (
+        np.array(crossings_of(regions, regions.doorways[door])).reshape(-1, 2, 2).mean(axis=1)
+    )
+    return middles
 
 
 def _distance(points: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from qualrl.planning.on_the_way import REACH_M, Passage, QuantitySpace, landmarks_passed, passages
+from qualrl.planning.on_the_way import REACH_M, SIDES, Passage, QuantitySpace, landmarks_passed, passages
 from qualrl.planning.routes import Route, Routes
 from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.region_map import CENTRE, RegionMap
@@ -18,7 +18,6 @@ from qualrl.spatial.topology import RCC8_WORDS
 MOST_LINES = 40
 MOST_NEIGHBOURS = 8
 TURNS = {"straight": "you go straight on", "left": "you turn left", "right": "you turn right", "back": "you turn back"}
-SIDES = {"straight": "straight ahead", "left": "to the left", "right": "to the right", "back": "behind you"}
 
 
 @dataclass(frozen=True)
@@ -169,5 +168,6 @@ def describe(
 def walk_between(regions: RegionMap, start: str, goal: str) -> Walk:
     """The shortest route between two places, as a walker tells it."""
     route = Routes(regions).between(start, goal, exact=True)
-    space = landmarks_passed(regions, route, (start, goal))
-    return Walk(start, goal, route, passages(regions, route), space, regions.grid.resolution_m)
+    path = [(row, column) for row, column in route.path.tolist()]
+    space = landmarks_passed(regions, path, (start, goal))
+    return Walk(start, goal, route, passages(regions, path), space, regions.grid.resolution_m)

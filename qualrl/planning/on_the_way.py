@@ -3,18 +3,22 @@
 A heading is (rows down, columns to the right).  Left and right are the same however the map is turned.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from qualrl.planning.crossings import doorway_passed
 from qualrl.planning.legs import legs_through
-from qualrl.planning.routes import Route
 from qualrl.qualitative.graph import crossings_of
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.region_map import RegionMap
 
 REACH_M = 1.0
 """A landmark is passed where the route comes as near to it (or as near as one cell)."""
+
+SIDES = {"straight": "straight ahead", "left": "to the left", "right": "to the right", "back": "behind you"}
+"""Sides in words."""
 
 Heading = tuple[int, int]
 
@@ -77,9 +81,8 @@ def turned(before: Heading, after: Heading) -> str:
     return "left" if across > 0 else "right"
 
 
-def passages(regions: RegionMap, route: Route) -> tuple[Passage, ...]:
-    """The regions of a route, brief excursions over a border and back left out."""
-    path = _cells(route)
+def passages(regions: RegionMap, path: Sequence[Cell]) -> tuple[Passage, ...]:
+    """The regions of a path, brief excursions over a border and back left out; steps may be diagonal."""
     legs = legs_through([int(regions.label[cell]) for cell in path])
     ways = [None, *(_crossing(regions, path[leg.last], path[leg.last + 1]) for leg in legs[:-1]), None]
     return tuple(
@@ -95,40 +98,33 @@ def passages(regions: RegionMap, route: Route) -> tuple[Passage, ...]:
     )
 
 
-def landmarks_passed(regions: RegionMap, route: Route, ends: tuple[str, str]) -> QuantitySpace:
-    """The order of the landmarks that a route passes within REACH_M, each in a region that it belongs to.
+def landmarks_passed(regions: RegionMap, path: Sequence[Cell], ends: tuple[str, str]) -> QuantitySpace:
+    """The order of the landmarks that a path passes within REACH_M, each in a region that it belongs to.
 
     ends: what to call the start and the goal.
     """
-    path = np.array(_cells(route))
-    inside = regions.label[path[:, 0], path[:, 1]]
+    cells = np.array(path)
+    inside = regions.label[cells[:, 0], cells[:, 1]]
+    on_the_way = {*np.unique(inside).tolist()}
     reach = max(REACH_M / regions.grid.resolution_m, 1.0)
-    found = [Mark(ends[0], "start", 0), Mark(ends[1], "goal", len(path) - 1)]
+    found = [Mark(ends[0], "start", 0), Mark(ends[1], "goal", len(cells) - 1)]
     for landmark in regions.landmarks:
-        steps = np.flatnonzero(np.isin(inside, landmark.regions))
-        if not steps.size:
+        if on_the_way.isdisjoint(landmark.regions):
             continue
-        away = np.min([((path[steps] - cell) ** 2).sum(axis=1) for cell in landmark.cells], axis=0)
+        steps = np.flatnonzero(np.isin(inside, landmark.regions))
+        away = np.min([((cells[steps] - cell) ** 2).sum(axis=1) for cell in landmark.cells], axis=0)
         if away.min() <= reach**2:
             found.append(Mark(landmark.name, landmark.kind, int(steps[away.argmin()])))
     order = {"start": 0, "goal": 2}
     return QuantitySpace(tuple(sorted(found, key=lambda mark: (mark.step, order.get(mark.kind, 1)))))
 
 
-def _cells(route: Route) -> list[Cell]:
-    return [(row, column) for row, column in route.path.tolist()]
-
-
 def _crossing(regions: RegionMap, here: Cell, there: Cell) -> tuple[str, Heading]:
-    """The doorway between two cells side by side, and the heading through it: at a right angle to its row of cells."""
-    pair = int(regions.label[here]), int(regions.label[there])
-    door = next(
-        door for door in regions.doorways
-        if door.pair == (min(pair), max(pair)) and any((door.cells == cell).all(axis=1).any() for cell in (here, there))
-    )  # fmt: skip
+    """The doorway that a step passes, and the heading through it: at a right angle to its row of cells."""
+    door = doorway_passed(regions, here, there)
     step = (there[0] - here[0], there[1] - here[1])
     steps = np.array([(b[0] - a[0], b[1] - a[1]) for a, b in crossings_of(regions, door)])
-    down, right = (steps.sum(axis=0) * (1 if door.pair == pair else -1)).tolist()
+    down, right = (steps.sum(axis=0) * (1 if door.pair[0] == regions.label[here] else -1)).tolist()
     # A doorway may run round a thing so that its steps cancel, or bend so far that most lead the other way.
     return door.name, (down, right) if down * step[0] + right * step[1] > 0 else step
 

@@ -6,7 +6,11 @@ Values are expected discounted returns, as the scenario's rewards add up; length
 from dataclasses import dataclass
 from typing import Any
 
+from qualrl.planning.on_the_way import SIDES
 from qualrl.spatial.occupancy_grid import Cell
+
+MOST_PASSED = 5
+"""So many landmarks of a step are named in words; JSON has all."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,19 @@ class Step:
     steps: int
     """Moves on the metric path until the next place is entered."""
     length_m: float | None
+    side: str | None = None
+    """Where the way out (or the goal) lies from where one comes in: "left", "right", "straight" or "back"; None where
+    the plan starts, for the goal right there, and without a map."""
+    passes: tuple[str, ...] = ()
+    """Landmarks passed on the way, in their order."""
+
+    def in_words(self) -> str:
+        """As a line of the plan."""
+        side = f"{SIDES[self.side]}, " if self.side else ""
+        rest = [f"{len(self.passes) - MOST_PASSED} more"] if len(self.passes) > MOST_PASSED else []
+        past = f", past {', '.join([*self.passes[:MOST_PASSED], *rest])}" if self.passes else ""
+        far = "" if self.length_m is None else f" ({self.length_m:.2f} m{past})"
+        return f"In {self.place}, {side}{self.action}{far}: {self.reason}."
 
     def to_dict(self) -> dict[str, Any]:
         """As in plan.json."""
@@ -42,6 +59,8 @@ class Step:
             "margin": self.margin,
             "length_steps": self.steps,
             "length_m": self.length_m,
+            "side": self.side,
+            "passes": list(self.passes),
         }
 
 
@@ -72,9 +91,7 @@ class Plan:
         """The plan in words, a line a step."""
         length = f"{self.length_steps} steps" + ("" if self.length_m is None else f", {self.length_m:.2f} m")
         lines = [f"From {self.start} to {self.goal}: {' -> '.join(self.places)} ({length})."]
-        for number, step in enumerate(self.steps, 1):
-            far = "" if step.length_m is None else f" ({step.length_m:.2f} m)"
-            lines.append(f"{number}. In {step.place}, {step.action}{far}: {step.reason}.")
+        lines += [f"{number}. {step.in_words()}" for number, step in enumerate(self.steps, 1)]
         return "\n".join([*lines, *self.notes])
 
     def to_dict(self) -> dict[str, Any]:

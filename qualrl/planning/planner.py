@@ -1,6 +1,7 @@
 """Making a plan: follow the values to the goal, cut the walk at the doors, and say why at each."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +13,13 @@ from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.choices import Choice, Chooser
 from qualrl.planning.crossings import door_taken
 from qualrl.planning.legs import Leg, legs_of
+from qualrl.planning.on_the_way import landmarks_passed, passages
 from qualrl.planning.plan import Plan, Step
 from qualrl.planning.values import PlanValues, exact_plan_values, learned_plan_values
 from qualrl.solving.exact import ExactValues, crossings_to_goal, exact_values
 from qualrl.solving.policy import ActionValues, greedy_walk
-from qualrl.spatial.region_map import Doorway
+from qualrl.spatial.occupancy_grid import Cell
+from qualrl.spatial.region_map import CENTRE, Doorway, RegionMap
 
 
 def plan_exactly(
@@ -90,6 +93,9 @@ def _plan(model: HybridMDP, walk: list[int], values: PlanValues, names: tuple[st
         _step(model, walk, leg, following, values, chooser)
         for leg, following in zip(legs, [*legs[1:], None], strict=True)
     ]
+    path = tuple(model.cell_of(state) for state in walk) if model.regions else ()
+    if model.regions is not None:
+        steps = _as_walked(model.regions, steps, legs, path)
     notes = list(notes)
     if isinstance(model.world, GridWorld) and model.world.slip > 0:
         notes.append(
@@ -107,7 +113,7 @@ def _plan(model: HybridMDP, walk: list[int], values: PlanValues, names: tuple[st
         goal=names[1],
         places=tuple(model.region_names[leg.region] for leg in legs),
         steps=tuple(steps),
-        path=tuple(model.cell_of(state) for state in walk) if model.regions else (),
+        path=path,
         length_steps=len(walk) - 1,
         length_m=length_m(model, walk),
         shortest_steps=shortest,
@@ -115,6 +121,19 @@ def _plan(model: HybridMDP, walk: list[int], values: PlanValues, names: tuple[st
         source=values.source,
         notes=tuple(notes),
     )
+
+
+def _as_walked(regions: RegionMap, steps: Sequence[Step], legs: Sequence[Leg], path: Sequence[Cell]) -> list[Step]:
+    """The steps with what a walker needs to know: where to turn, and what there is to see on the way."""
+    marks = landmarks_passed(regions, path, ("", "")).marks[1:-1]
+    found, known = list[Step](), set[str]()
+    for step, passage, leg in zip(steps, passages(regions, path), legs, strict=True):
+        doors = {door for door in (passage.entered_by, passage.left_by) if door is not None}
+        seen = [mark.name for mark in marks if leg.first <= mark.step <= leg.last and mark.kind != CENTRE]
+        passed = tuple(name for name in seen if name not in doors | known)
+        known |= doors | set(passed)
+        found.append(replace(step, side=passage.side, passes=passed))
+    return found
 
 
 def length_m(model: HybridMDP, walk: Sequence[int]) -> float | None:
