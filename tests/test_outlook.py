@@ -13,7 +13,8 @@ from scipy.stats import binom
 
 from qualrl.errors import SettingError
 from qualrl.qualitative.from_counts import Counts, Samples
-from qualrl.qualitative.outlook import Number, Outlook, difference
+from qualrl.qualitative.outlook import Number, Outlook
+from qualrl.qualitative.outlook_difference import difference
 from qualrl.qualitative.robust_order import BETTER, EITHER, EQUAL, UNDECIDED, WORSE, change, compare
 
 KEYS = ("door 1", "door 2", "hall", "lab")
@@ -150,12 +151,25 @@ def test_two_plans_that_change_places_do_so_where_they_are_worth_the_same():
     assert compare(gate, gate, {"door 1": (0.0, 0.5)}).relation == EQUAL
 
 
-def test_what_is_too_entangled_is_left_undecided():
-    """f^2 against f, a tie at one number inside: no box around it is ever settled."""
-    one = Outlook(number=Number("hall", 0.5), then=Outlook(1.0, 0.0, None, Number("hall", 0.5)))
-    other = Outlook(number=Number("hall", 0.25), then=Outlook(1.0))
-    assert compare(one, other, {"hall": (0.5, 2.0)}).relation == UNDECIDED
-    assert compare(one, other, {"hall": (1.0, 1.0)}).relation == EQUAL
+def test_what_is_settled_too_late_is_left_undecided():
+    """P (1 - p) against 1/4, which it only touches, and against a little more."""
+    inner = Outlook(then=None, number=Number("door 1"), instead=Outlook(1.0))
+    one, box = Outlook(then=inner, number=Number("door 1")), {"door 1": (0.1, 0.8)}
+    assert compare(one, Outlook(0.25), box).relation == UNDECIDED
+    assert compare(one, Outlook(0.26), box).relation == WORSE
+    assert compare(Outlook(0.26), one, box).relation == BETTER
+
+
+def test_legs_that_two_plans_have_in_common_cancel():
+    """Whatever the hall takes, 3 steps more there are 3 steps more."""
+    one = Outlook(discount=0.9**50, number=Number("hall", 0.9**50), then=Outlook(5.0))
+    other = Outlook(discount=0.9**53, number=Number("hall", 0.9**53), then=Outlook(5.0))
+    low, high, _, _ = difference(one, other, {"hall": (1.0, 1.5)})
+    assert 0 < low < high
+    worths = [5 * (0.9 ** (50 * f) - 0.9 ** (53 * f)) for f in (1.5, 1.0)]
+    assert low <= worths[0] < worths[1] <= high
+    apart = one.bounds({"hall": (1.0, 1.5)})[1] - other.bounds({"hall": (1.0, 1.5)})[0]
+    assert high - low < 0.4 * apart
 
 
 @pytest.mark.parametrize(("hits", "trials"), [(0, 1), (1, 1), (7, 10), (0, 20), (137, 400)])

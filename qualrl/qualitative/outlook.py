@@ -58,8 +58,8 @@ class Outlook:
 
     def bounds(self, box: Box) -> Bounds:
         """Between what the shifted value lies, whatever numbers the box holds."""
-        onward = _moved(self.reward, self.discount, NOTHING if self.then is None else self.then.bounds(box))
-        return _mixed(self.number, box, onward, NOTHING if self.instead is None else self.instead.bounds(box))
+        onward = moved(self.reward, self.discount, NOTHING if self.then is None else self.then.bounds(box))
+        return mixed(self.number, box, onward, NOTHING if self.instead is None else self.instead.bounds(box))
 
     @cached_property
     def times(self) -> dict[str, int]:
@@ -80,28 +80,13 @@ class Outlook:
         return frozenset(own).union(*(of.powers for of in (self.then, self.instead) if of is not None))
 
 
-def difference(first: Outlook | None, second: Outlook | None, box: Box) -> Bounds:
-    """Bounds of what the first is worth more than the second; what they have in common from their root on cancels."""
-    if first is None and second is None:
-        return NOTHING
-    if first is not None and second is not None and _begins_alike(first, second):
-        onward = _moved(0.0, first.discount, difference(first.then, second.then, box))
-        return _mixed(first.number, box, onward, difference(first.instead, second.instead, box))
-    low, high, at_low, at_high = NOTHING if first is None else first.bounds(box)
-    other_low, other_high, at_other_low, at_other_high = NOTHING if second is None else second.bounds(box)
-    return low - other_high, high - other_low, {**at_other_high, **at_low}, {**at_other_low, **at_high}
-
-
-def _begins_alike(first: Outlook, second: Outlook) -> bool:
-    return (first.reward, first.discount, first.number) == (second.reward, second.discount, second.number)
-
-
-def _moved(reward: float, discount: float, of: Bounds) -> Bounds:
+def moved(reward: float, discount: float, of: Bounds) -> Bounds:
+    """What is paid now, and after it the rest."""
     low, high, at_low, at_high = of
     return reward + discount * low, reward + discount * high, at_low, at_high
 
 
-def _mixed(number: Number | None, box: Box, onward: Bounds, instead: Bounds) -> Bounds:
+def mixed(number: Number | None, box: Box, onward: Bounds, instead: Bounds) -> Bounds:
     """The sum, which is linear in x: an end of x gives the least, and one the greatest."""
     if number is None:
         return onward

@@ -6,16 +6,19 @@ which loses nothing; another interval is halved.
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice, product
 
-from qualrl.qualitative.outlook import Bounds, Box, Outlook, Point, difference
+from qualrl.qualitative.outlook import Bounds, Box, Outlook, Point
+from qualrl.qualitative.outlook_difference import difference
 
 BETTER, EQUAL, WORSE, EITHER, UNDECIDED = "better", "equal", "worse", "either", "undecided"
 ALIKE = 1e-9
 """Worths that differ by less than this share are the same: rounding is far below."""
 MOST_BOXES = 1000
 """Parts of the box that are looked at, before the order is called undecided."""
+MOST_CORNERS = 64
 HALVINGS = 40
 
 
@@ -51,6 +54,7 @@ def compare(first: Outlook, second: Outlook, box: Box) -> Order:
         return max(both, key=lambda key: _felt(bounds, part, key), default=None)
 
     search = _Search(first, second)
+    search.look_at(_corners({key: box[key] for key in keys}))
     waiting = deque([{key: box[key] for key in keys}])
     for _ in range(MOST_BOXES):
         if not waiting or (search.better and search.worse):
@@ -66,6 +70,12 @@ def compare(first: Outlook, second: Outlook, box: Box) -> Order:
         halves = [(low, low), (high, high)] if key in linear else [(low, middle), (middle, high)]
         waiting.extend({**part, key: half} for half in halves)
     return search.order(is_whole=not waiting)
+
+
+def _corners(box: Box) -> Iterator[Point]:
+    """Some corners of a box: all where they are few."""
+    for ends in islice(product(*({*span} for span in box.values())), MOST_CORNERS):
+        yield dict(zip(box, ends, strict=True))
 
 
 def _once(plan: Outlook, key: str) -> bool:
@@ -106,8 +116,7 @@ class _Search:
         """Whether no more than one sign is possible in a part; numbers are remembered that show a sign."""
         low, high, at_low, at_high = of
         start = {key: ends[0] for key, ends in part.items()}
-        for guess in (at_low, at_high):
-            self._look({**start, **guess})
+        self.look_at({**start, **guess} for guess in (at_low, at_high))
         rounding = ALIKE * max(abs(end) for plan in (self.first, self.second) for end in plan.bounds(part)[:2])
         if low < -rounding and high > rounding:
             return False
@@ -115,13 +124,15 @@ class _Search:
         self.may_be_worse |= low < -rounding
         return True
 
-    def _look(self, point: Point) -> None:
-        one, other = self.first.value(point), self.second.value(point)
-        if abs(one - other) > ALIKE * max(abs(one), abs(other)):
-            if one > other:
-                self.better = self.better or point
-            else:
-                self.worse = self.worse or point
+    def look_at(self, points: Iterable[Point]) -> None:
+        """Remember points that show which plan is better there."""
+        for point in points:
+            one, other = self.first.value(point), self.second.value(point)
+            if abs(one - other) > ALIKE * max(abs(one), abs(other)):
+                if one > other:
+                    self.better = self.better or point
+                else:
+                    self.worse = self.worse or point
 
     def order(self, is_whole: bool) -> Order:
         """The outcome; is_whole: whether every part was settled."""
