@@ -4,8 +4,9 @@ from typing import Annotated
 
 import typer
 
+from qualrl.answers.depth import Depth
 from qualrl.commands.console import Console, guarded
-from qualrl.commands.options import AsJson, Debug, Quiet, ScenarioFile, Settings
+from qualrl.commands.options import AsJson, Debug, DepthOption, Quiet, ScenarioFile, Settings
 from qualrl.commands.questions import From, answered, listed
 
 
@@ -17,6 +18,7 @@ def reconcile(
     ],
     start: From = None,
     settings: Settings = None,
+    depth: DepthOption = Depth.NUMBERS,
     as_json: AsJson = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -25,4 +27,6 @@ def reconcile(
     from qualrl import questions
 
     expected = listed("--expect", expect)
-    answered(source, settings, Console(as_json, quiet), lambda model: questions.reconcile(model, expected, start=start))
+    answered(
+        source, settings, Console(as_json, quiet), depth, lambda model: questions.reconcile(model, expected, start)
+    )
