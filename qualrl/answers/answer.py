@@ -1,5 +1,6 @@
 """What all answers have: sentences at three depths, and a JSON twin whose numbers every sentence stands on."""
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -13,6 +14,9 @@ LIKELY = 0.5
 """A probability above this is likely."""
 SURELY = 1 - 1e-12
 """A probability above this, rounding aside, is 1."""
+
+ROW_AND_COLUMN = re.compile(r"\brow \d+, column \d+ in | \(row \d+, column \d+\)")
+"""Of a start or goal without a name of its own: told by its region alone where numbers are not."""
 
 
 class Answer(ABC):
@@ -28,7 +32,9 @@ class Answer(ABC):
 
     def explain(self, depth: str = Depth.NUMBERS) -> str:
         """In words, a line a fact.  depth: "names", "signs" or "numbers", see ``Depth``.  Raises SettingError."""
-        return "\n".join(self.lines(Depth.named(depth)))
+        told = Depth.named(depth)
+        text = "\n".join(self.lines(told))
+        return told.at_numbers(text, ROW_AND_COLUMN.sub("", text))
 
     def to_dict(self, depth: str = Depth.NUMBERS) -> dict[str, Any]:
         """The JSON twin of ``explain``; depth: of its sentences alone."""

@@ -106,7 +106,8 @@ class Envisioned(Answer):
             self._on(branch) + depth.from_signs(f" ({_bounds(branch.least, branch.most, depth)})") for branch in told
         ]  # fmt: skip
         seldom = len(self.branches[state]) - len(told)
-        counted = depth.at_numbers(f"{seldom} more, none above {SELDOM:g}", f"otherwise{depth.from_signs(' (seldom)')}")
+        otherwise = f"or otherwise{depth.from_signs(' (seldom)')}"
+        counted = depth.at_numbers(f"{seldom} more, none above {SELDOM:g}", otherwise)
         ways += [counted] if seldom else []
         return f"{self.called(state)}: {'; '.join(ways) or 'no way on'}"
 

@@ -18,7 +18,7 @@ def known_in_words(known: Uncertain, depth: Depth) -> Iterator[str]:
             yield f"{name} is open with a probability of {between(*span)}{seen}"
         else:
             how = "was counted" if isinstance(given, Counts) else "is given"
-            yield f"the chance that {name} is open {how}{depth.from_signs(f': {likelihood(*span)}')}"
+            yield f"the chance that {name} is open {how}{depth.from_signs(f': that it is open is {likelihood(*span)}')}"
     for name, times in known.times.items():
         place = "every other region" if name == EVERYWHERE and len(known.times) > 1 else name
         place = "every region" if place == EVERYWHERE else place

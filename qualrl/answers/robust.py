@@ -106,8 +106,11 @@ class Robust(Answer):
     def _either_in_words(self, one: int, other: int, order: Order, depth: Depth) -> str:
         better, worse = order.at_better or {}, order.at_worse or {}
         if depth == Depth.SIGNS:
-            told = [self._moved(key, better[key] - worse[key]) for key in better if better[key] != worse[key]]
-            return f"way {one + 1} is better than way {other + 1} with {', '.join(told)}; else it may be worse"
+            some = "for some numbers"
+            if (one, other) in self.changes:
+                key, _ = self.changes[one, other]
+                some = f"with {self._moved(key, better[key] - worse[key])}"
+            return f"way {one + 1} is better than way {other + 1} {some}, for others worse"
         told = [
             f"way {one + 1} is better than way {other + 1} with {self._at(better)}",
             f"worse with {self._at(worse)}",

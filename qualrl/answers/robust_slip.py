@@ -72,8 +72,9 @@ class RobustSlip(Answer):
             for (one, other), verdicts in self.verdicts.items():
                 yield f"{_verdicts_in_words(one, other, verdicts, depth)}."
         safest = max(self.worth, key=lambda door: self.worth[door][0])
-        worth = depth.at_numbers(f", worth at least {self.worth[safest][0]:.6g}")
-        yield f"Best in the worst case: {safest}{worth} even if the probability is another at each step."
+        worth = depth.at_numbers(f" worth at least {self.worth[safest][0]:.6g}")
+        even = depth.from_signs(f",{worth} even if the probability is another at each step")
+        yield f"Best in the worst case: {safest}{even}."
 
     def _counted(self) -> str:
         if self.counts is None:
