@@ -1,4 +1,7 @@
-"""Questions to a model's best plan, one function a question; each answer has ``explain`` and ``to_dict``."""
+"""Questions to a model's best plan, one function a question; each answer has ``explain`` and ``to_dict``.
+
+Both take a depth of words, "names", "signs" or "numbers": see ``answers.depth``.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
@@ -10,6 +13,7 @@ from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.spatial.place import names_between_commas
 
 if TYPE_CHECKING:
+    from qualrl.answers.changed_model import Change
     from qualrl.answers.envision import Envisioned
     from qualrl.answers.influences import Influences
     from qualrl.answers.reconcile import Reconciled
@@ -72,7 +76,7 @@ def what_if(
 
     check_type("what_if", model, HybridMDP, "a HybridMDP, from qualrl.build")
     changed = changed_model.with_numbers(model, **numbers) if numbers else model
-    told = tuple(f"{name} {number:g}" for name, number in numbers.items())
+    told = tuple(changed_model.set_to(name, f"{name} {number:g}") for name, number in numbers.items())
     return compared(model, changed, start, told, close=close, open=open, chance=chance)
 
 
@@ -80,13 +84,13 @@ def compared(
     model: HybridMDP,
     changed: HybridMDP,
     start: PlaceLike | None,
-    told: tuple[str, ...],
+    told: "tuple[Change, ...]",
     *,
     close: str | Iterable[str] = (),
     open: tuple[str, str] | None = None,
     chance: float | None = None,
 ) -> "WhatIf":
-    """``what_if`` of a model and one that is changed already, as the words ``told`` say; close and open change more."""
+    """``what_if`` of a model and one that is changed already, as ``told`` says; close and open change more."""
     from qualrl.answers import changed_model
     from qualrl.answers import what_if as answers
 
@@ -98,7 +102,8 @@ def compared(
     if chance is not None and not (0 <= chance <= 1 and doors and model.grid.slip == 0):
         raise SettingError(f"chance {chance} must be from 0 to 1, of doorways to close, where moves do not slip")
     if doors:
-        changed, told = changed.with_closed(doors), (*told, f"{', '.join(doors)} closed")
+        words = f"{', '.join(doors)} closed"
+        changed, told = changed.with_closed(doors), (*told, changed_model.Change(words, words))
     if open is not None:
         changed, after, opened = changed_model.with_opened(changed, open, after)
         told = (*told, opened)

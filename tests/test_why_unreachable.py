@@ -10,6 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import qualrl
+from qualrl.answers.depth import Depth
 from qualrl.errors import MapError, SettingError
 from qualrl.models.tabular_mdp import TabularMDP
 from qualrl.report.blocked_map import COLOURS, NAMES, colours_of
@@ -272,7 +273,7 @@ def test_thresholds_in_each_mode(tmp_path, changed, settings_then):
     found = openings_of(answer).get("thresholds")
     assert (found and {key: then for key, _, then in found.settings}) == settings_then
     if found and found.freed.unknown:
-        assert "Careful: the map does not know" in found.in_words()
+        assert "Careful: the map does not know" in found.in_words(Depth.NUMBERS)
     assert (found is None) == (answer.notes != ())
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.answers.depth import Depth
 from qualrl.kernels.obstacles import DOWN, NEVER, RIGHT, least_way
 from qualrl.models.grid_world import GridWorld, Wall
 from qualrl.models.hybrid_mdp import HybridMDP
@@ -36,14 +37,18 @@ class Kinds:
         """All of them."""
         return self.wall + self.unknown + self.tight
 
-    def in_words(self) -> str:
-        """As "2 wall cells and 1 unknown cell"."""
+    def in_words(self, depth: Depth) -> str:
+        """As "2 wall cells and 1 unknown cell", or "wall cells and unknown cells"."""
         named = (
             (self.wall, "wall cell", ""),
             (self.unknown, "unknown cell", ""),
             (self.tight, "cell", " too tight for the robot"),
         )
-        return " and ".join(f"{n:,} {what}{'' if n == 1 else 's'}{tail}" for n, what, tail in named if n) or "no cell"
+        told = [
+            f"{depth.at_numbers(f'{n:,} ')}{what}{depth.at_numbers('' if n == 1 else 's', 's')}{tail}"
+            for n, what, tail in named if n
+        ]  # fmt: skip
+        return " and ".join(told) or "no cell"
 
     def to_dict(self) -> dict[str, int]:
         """As JSON."""
@@ -66,16 +71,15 @@ class Crossing:
     at_m: tuple[float, float]
     """World x, y of that cell."""
 
-    def in_words(self) -> str:
+    def in_words(self, depth: Depth) -> str:
         """What it is, between what, and where."""
-        what = self.kinds.in_words() if self.door is None else f"{self.door}, which is closed,"
-        return f"{what} {self.where()}"
+        what = self.kinds.in_words(depth) if self.door is None else f"{self.door}, which is closed,"
+        return f"{what} {self.where(depth)}"
 
-    def where(self) -> str:
+    def where(self, depth: Depth) -> str:
         """Between what, and where."""
-        return (
-            f"{self.sides()} at row {self.at[0]}, column {self.at[1]} (x {self.at_m[0]:.2f} m, y {self.at_m[1]:.2f} m)"
-        )
+        at = f" at row {self.at[0]}, column {self.at[1]} (x {self.at_m[0]:.2f} m, y {self.at_m[1]:.2f} m)"
+        return f"{self.sides()}{depth.at_numbers(at)}"
 
     def sides(self) -> str:
         """Between what."""

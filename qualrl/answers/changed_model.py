@@ -1,17 +1,36 @@
 """A model with something changed: doorways closed, a wall opened, other numbers."""
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from qualrl.answers.depth import Depth
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError, did_you_mean
 from qualrl.kernels.grid import breadth_first
 from qualrl.models.hybrid_mdp import HybridMDP, hybrid_mdp
 from qualrl.spatial.passage import Passage, thinnest_passages, with_passage
 from qualrl.spatial.place import PlaceCell
 from qualrl.spatial.region_map import RegionMap
+
+
+@dataclass(frozen=True)
+class Change:
+    """What was done to a model, in words."""
+
+    brief: str
+    """Without numbers."""
+    words: str
+
+    def in_words(self, depth: Depth) -> str:
+        """With numbers or without."""
+        return depth.at_numbers(self.words, self.brief)
+
+
+def set_to(key: str, words: str) -> Change:
+    """A number or setting that was changed."""
+    return Change(f"{key} changed", words)
 
 
 def doors_named(regions: RegionMap, names: Iterable[str]) -> tuple[str, ...]:
@@ -27,10 +46,10 @@ def doors_named(regions: RegionMap, names: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def with_opened(model: HybridMDP, pair: tuple[str, str], start: int) -> tuple[HybridMDP, int, str]:
+def with_opened(model: HybridMDP, pair: tuple[str, str], start: int) -> tuple[HybridMDP, int, Change]:
     """The model with the thinnest wall between two regions opened where that is best for the way from a state.
 
-    Gives the model, the state's new number (there are more states then), and what was done, in words.
+    Gives the model, the state's new number (there are more states then), and what was done.
     Raises UnknownNameError, and NoPlanError where no straight passage joins the two and nothing else.
     """
     regions = model.regions
@@ -44,11 +63,10 @@ def with_opened(model: HybridMDP, pair: tuple[str, str], start: int) -> tuple[Hy
     row, column = passage.cells[0]
     cells = "1 cell" if len(passage.cells) == 1 else f"{len(passage.cells)} cells"
     wall_m = len(passage.cells) * regions.grid.resolution_m
-    words = (
-        f"{name} opened from {pair[0]} to {pair[1]} ({cells}, {wall_m:.2f} m of wall from row {row}, column {column})"
-    )
+    brief = f"{name} opened from {pair[0]} to {pair[1]}"
+    words = f"{brief} ({cells}, {wall_m:.2f} m of wall from row {row}, column {column})"
     changed = _on(model, opened)
-    return changed, int(changed.grid.state_of[model.cell_of(start)]), words
+    return changed, int(changed.grid.state_of[model.cell_of(start)]), Change(brief, words)
 
 
 def _regions_named(regions: RegionMap, pair: tuple[str, str]) -> tuple[int, int]:

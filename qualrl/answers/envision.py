@@ -6,6 +6,7 @@ cells, and it is shown as long as it is possible.  The next state is left open t
 of states multiply.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array, eye_array
 from scipy.sparse.linalg import splu
 
+from qualrl.answers.answer import SURELY, Answer, likelihood
+from qualrl.answers.depth import Depth
 from qualrl.answers.policy import best_policy
 from qualrl.errors import NoPlanError, SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
@@ -67,7 +70,7 @@ class Course:
 
 
 @dataclass(frozen=True)
-class Envisioned:
+class Envisioned(Answer):
     """The answer."""
 
     start: str
@@ -83,24 +86,29 @@ class Envisioned:
     """The likeliest first, by their greatest probability."""
     has_all_courses: bool
 
-    def explain(self) -> str:
-        """In words, a line a state."""
-        lines = [
-            f"Attainable from {self.start} on the way to {self.goal}: {len(self.branches)} of {self.of_all} states."
-        ]
-        lines += [self._state_in_words(state) for state in self.branches]
-        many = "" if self.has_all_courses else "at least "
-        lines.append(f"Courses without coming back to a state: {many}{len(self.courses)}, the likeliest first:")
+    def lines(self, depth: Depth) -> Iterator[str]:
+        """A line a state, and one a course."""
+        states = depth.at_numbers(f" {len(self.branches)} of {self.of_all} states.")
+        yield f"Attainable from {self.start} on the way to {self.goal}:{states}"
+        yield from (self._state_in_words(state, depth) for state in self.branches)
+        many = f" {'' if self.has_all_courses else 'at least '}{len(self.courses)}, the likeliest first:"
+        first = depth.at_numbers(f":{many}", f"{depth.from_signs(', the likeliest first')}:")
+        yield f"Courses without coming back to a state{first}"
         for course in self.courses[:MOST_COURSES]:
             places = " -> ".join(self.names[region] for region, _ in course.states)
-            lines.append(f"  {places}: {_bounds(course.least, course.most)}")
-        return "\n".join(lines)
+            yield f"  {places}{depth.from_signs(f': {_bounds(course.least, course.most, depth)}')}"
+        if depth != Depth.NUMBERS and (len(self.courses) > MOST_COURSES or not self.has_all_courses):
+            yield "  and others"
 
-    def _state_in_words(self, state: State) -> str:
+    def _state_in_words(self, state: State, depth: Depth) -> str:
         told = [branch for branch in self.branches[state] if branch.most >= SELDOM]
-        ways = [f"{self._on(branch)} ({_bounds(branch.least, branch.most)})" for branch in told]
+        ways = [
+            self._on(branch) + depth.from_signs(f" ({_bounds(branch.least, branch.most, depth)})") for branch in told
+        ]  # fmt: skip
         seldom = len(self.branches[state]) - len(told)
-        ways += [f"{seldom} more, none above {SELDOM:g}"] if seldom else []
+        otherwise = f"or otherwise{depth.from_signs(' (seldom)')}"
+        counted = depth.at_numbers(f"{seldom} more, none above {SELDOM:g}", otherwise)
+        ways += [counted] if seldom else []
         return f"{self.called(state)}: {'; '.join(ways) or 'no way on'}"
 
     def _on(self, branch: Branch) -> str:
@@ -111,8 +119,8 @@ class Envisioned:
         region, door = state
         return self.names[region] if door == START else f"{self.names[region]}, entered by {self.doors[door]}"
 
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON twin of ``explain``."""
+    def facts(self) -> dict[str, Any]:
+        """See Answer."""
         states = [
             {
                 "region": self.names[region], "entered_by": None if door == START else self.doors[door],
@@ -129,12 +137,14 @@ class Envisioned:
         ]
         return {
             "question": "envision", "from": self.start, "to": self.goal, "states": states, "of_all": self.of_all,
-            "courses": courses, "has_all_courses": self.has_all_courses, "sentences": self.explain().splitlines(),
+            "courses": courses, "has_all_courses": self.has_all_courses,
         }  # fmt: skip
 
 
-def _bounds(least: float, most: float) -> str:
-    if least >= 1 - IMPOSSIBLE:
+def _bounds(least: float, most: float, depth: Depth) -> str:
+    if depth != Depth.NUMBERS:
+        return likelihood(least, most)
+    if least >= SURELY:
         return "surely"
     return f"{least:.3g}" if most - least < IMPOSSIBLE else f"{least:.3g} to {most:.3g}"
 

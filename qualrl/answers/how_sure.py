@@ -10,13 +10,15 @@ The order of the two actions that the learner holds for best in a state, of whic
     unsettled  otherwise: it is right, or learned values are the same, but errors of that size could turn it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.answers.answer import Answer, in_sign
+from qualrl.answers.depth import Depth
 from qualrl.learning.rules import FLAT, rule_named
 from qualrl.learning.run import LearningRun
 from qualrl.models.grid_world import GridWorld
@@ -28,6 +30,13 @@ from qualrl.solving.policy import greedy_walk
 ALIKE = 1e-9
 """Values that differ by less than this share are the same."""
 ORDERS = ("settled", "unsettled", "wrong", "equal", "untried")
+IN_WORDS = {
+    "settled": "settled",
+    "unsettled": "not settled",
+    "wrong": "wrong",
+    "equal": "equal",
+    "untried": "not both tried",
+}
 SETTLED, UNSETTLED, WRONG, EQUAL, UNTRIED = range(5)
 
 
@@ -56,8 +65,10 @@ class Sureness:
     untried: int | None
     """In how many not both of them were ever tried."""
 
-    def in_words(self) -> str:
+    def in_words(self, depth: Depth) -> str:
         """As a line of the answer."""
+        if depth != Depth.NUMBERS:
+            return f"{self.name}: {'; '.join(self._in_signs(depth))}"
         if not self.visited:
             return f"{self.name}: none of {self.states} states visited"
         times = "" if self.fewest_visits is None else f", each at least {_times(self.fewest_visits)}"
@@ -66,15 +77,23 @@ class Sureness:
             f"error {self.mean_error:.3g} on average, {self.worst_error:.3g} at most",
         ]
         if self.optimal is not None:
-            orders = ", ".join(
-                f"{getattr(self, order)} {words}"
-                for order, words in zip(
-                    ORDERS, ("settled", "not settled", "wrong", "equal", "not both tried"), strict=True
-                )
-                if getattr(self, order)
-            )
+            orders = ", ".join(f"{count} {words}" for count, words in self._orders())
             parts += [f"best action optimal in {self.optimal}", f"order of the two best: {orders}"]
         return "; ".join(parts)
+
+    def _orders(self) -> list[tuple[int, str]]:
+        """How many states there are of each kind of order that occurs."""
+        counts = [(getattr(self, order), words) for order, words in IN_WORDS.items()]
+        return [(count, words) for count, words in counts if count]
+
+    def _in_signs(self, depth: Depth) -> Iterator[str]:
+        """The parts of a line without numbers."""
+        yield f"{_some(self.visited, self.states)} of the states visited"
+        if self.visited and self.optimal is not None and depth == Depth.SIGNS:
+            orders = sorted(self._orders(), key=lambda order: -order[0])
+            yield f"best action optimal in {_some(self.optimal, self.visited)} of them"
+            most = "" if len(orders) == 1 else ", the most frequent first"
+            yield f"order of the two best{most}: {', '.join(words for _, words in orders)}"
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON."""
@@ -82,7 +101,7 @@ class Sureness:
 
 
 @dataclass(frozen=True)
-class HowSure:
+class HowSure(Answer):
     """The answer."""
 
     algorithm: str
@@ -108,38 +127,50 @@ class HowSure:
     arrives: bool
     """Whether what was learned leads from the start to the goal."""
 
-    def explain(self) -> str:
-        """In words, a line a fact."""
-        lines = [
-            f"{self.algorithm}, {self.episodes} episodes with seed {self.seed}, {self.total_steps:,} steps, "
-            f"beside exact values at gamma {self.gamma:g}.",
-            f"Worth of {self.start}: {self.learned:.6g} learned, {self.exact:.6g} exact, error {self.error:.3g}.",
-            *(part.in_words() for part in (self.whole, *self.regions)),
-        ]
+    def lines(self, depth: Depth) -> Iterator[str]:
+        """See Answer."""
+        run = f", {self.episodes} episodes with seed {self.seed}, {self.total_steps:,} steps,"
+        at = depth.at_numbers(f" at gamma {self.gamma:g}")
+        yield f"{self.algorithm}{depth.at_numbers(run)} beside exact values{at}."
+        if depth != Depth.NAMES:
+            worth = f"{self.learned:.6g} learned, {self.exact:.6g} exact, error {self.error:.3g}"
+            sign = in_sign(self.learned - self.exact, self.exact, ("too low", "right", "too high"))
+            yield f"Worth of {self.start}: {depth.at_numbers(worth, f'learned {sign}')}."
+        yield from (part.in_words(depth) for part in (self.whole, *self.regions))
+        if depth == Depth.SIGNS:
+            yield from self._largest_errors()
         if self.steps:
-            lines.append(f"The learned way from {self.start}{'' if self.arrives else ', which does not arrive'}:")
-            lines += [f"{number}. {part.in_words()}" for number, part in enumerate(self.steps, 1)]
-        if self.whole.optimal is not None and self.whole.visited:
-            lines.append(
+            yield f"The learned way from {self.start}{'' if self.arrives else ', which does not arrive'}:"
+            for number, part in enumerate(self.steps, 1):
+                yield f"{depth.at_numbers(f'{number}.', ' ')} {part.in_words(depth)}"
+        yield from self._remarks(depth)
+
+    def _largest_errors(self) -> Iterator[str]:
+        """In which regions what was learned is farthest from exact values."""
+        errors = {part.name: part.mean_error for part in self.regions if part.mean_error is not None}
+        if len(errors) > 1:
+            yield f"Error on average, the largest first: {', '.join(sorted(errors, key=lambda name: -errors[name]))}."
+
+    def _remarks(self, depth: Depth) -> Iterator[str]:
+        if self.whole.optimal is not None and self.whole.visited and depth != Depth.NAMES:
+            yield (
                 "An order is settled where the two learned values differ by more than both their errors together; "
                 "one that is not settled is not wrong, but errors of that size could turn it."
             )
         if not self.counts:
-            lines.append("Visits were not counted: a state is said to be visited if one of its values has changed.")
-        if self.limit != FLAT:
-            lines.append(f"What its values tend to: {self.limit}.")
-        lines.append("This is one run: how far runs with other seeds would differ is not known from it.")
-        return "\n".join(lines)
+            yield "Visits were not counted: a state is said to be visited if one of its values has changed."
+        if self.limit != FLAT and depth != Depth.NAMES:
+            yield f"What its values tend to: {depth.at_numbers(self.limit, self.limit.partition(' (')[0])}."
+        yield "This is one run: how far runs with other seeds would differ is not known from it."
 
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON twin of ``explain``."""
+    def facts(self) -> dict[str, Any]:
+        """See Answer."""
         return {
             "question": "how-sure", "algorithm": self.algorithm, "seed": self.seed, "episodes": self.episodes,
             "total_steps": self.total_steps, "gamma": self.gamma, "limit": self.limit, "from": self.start,
             "learned": self.learned, "exact": self.exact, "error": self.error, "counts": self.counts,
             "whole": self.whole.to_dict(), "regions": [part.to_dict() for part in self.regions],
             "steps": [part.to_dict() for part in self.steps], "arrives": self.arrives,
-            "sentences": self.explain().splitlines(),
         }  # fmt: skip
 
 
@@ -241,3 +272,7 @@ def _order(held: NDArray[np.float64], exact: NDArray[np.float64], tried: NDArray
 
 def _times(count: int) -> str:
     return "once" if count == 1 else f"{count} times"
+
+
+def _some(count: int, of: int) -> str:
+    return "all" if count == of else "some" if count else "none"

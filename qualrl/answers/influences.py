@@ -12,13 +12,15 @@ from fractions import Fraction
 from math import lcm
 from typing import Any
 
+from qualrl.answers.answer import Answer
+from qualrl.answers.depth import Depth
 from qualrl.answers.trying import trying
 from qualrl.answers.ways import Way, course, way_of
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.planner import exact_walk
 from qualrl.qualitative.plan_value import Course, Stretch, contrast
 from qualrl.qualitative.sign_intervals import SignIntervals, sign_intervals
-from qualrl.qualitative.signs import Sign, sign_of_sum
+from qualrl.qualitative.signs import Sign, one_after_the_other, sign_of_sum
 from qualrl.solving.exact import exact_values
 
 
@@ -33,12 +35,13 @@ class Influence:
     exact: SignIntervals | None
     """Where the sign is + and where -; None where signs alone tell, or moves slip."""
 
-    def in_words(self) -> str:
+    def in_words(self, depth: Depth) -> str:
         """As a line of the answer."""
-        alone = f"{self.of}: {self.by_signs} by signs alone ({self.because})"
+        signs = f"{self.by_signs} by signs alone ({self.because})"
+        alone = f"{self.of}: {depth.at_numbers(signs, signs.replace(Sign.ZERO, 'none'))}"
         if self.by_signs != Sign.UNKNOWN:
             return alone
-        return f"{alone}; {'undecided: moves slip' if self.exact is None else _spans(self.exact)}"
+        return f"{alone}; {'undecided: moves slip' if self.exact is None else _spans(self.exact, depth)}"
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON, with the certificate."""
@@ -53,21 +56,24 @@ class Influence:
         return {"of": self.of, "by_signs": str(self.by_signs), "because": self.because, "exact": exact}
 
 
-def _spans(found: SignIntervals) -> str:
+def _spans(found: SignIntervals, depth: Depth) -> str:
     cuts = [0.0, *(float(low) for low, _ in found.brackets), 1.0]
     signs = [Sign.of(sign) for sign in found.signs]
+    last = "proved" if all(found.is_zero) else "proved but where two intervals meet"
+    if depth != Depth.NUMBERS:
+        words = ["none" if sign == Sign.ZERO else str(sign) for sign in signs]
+        return f"exactly: {one_after_the_other(words, 'gamma')}, {last}"
     if len(signs) == 1:
         return f"exactly: {signs[0]} for every gamma in (0, 1), proved"
     spans = [
         f"{sign} for gamma in ({low:.6g}, {high:.6g})"
         for sign, low, high in zip(signs, cuts[:-1], cuts[1:], strict=True)
     ]
-    last = "proved" if all(found.is_zero) else "proved but where two intervals meet"
     return f"exactly: {', '.join(spans)}, {last}"
 
 
 @dataclass(frozen=True)
-class Influences:
+class Influences(Answer):
     """The answer."""
 
     start: str
@@ -75,20 +81,18 @@ class Influences:
     way: Way
     influences: tuple[Influence, ...]
 
-    def explain(self) -> str:
-        """In words, a line an influence."""
-        lines = [
-            f"From {self.start} to {self.goal}: {self.way.in_words()}, worth {self.way.value:.6g}.",
-            "How its value changes when one thing grows and the way stays:",
-        ]
-        return "\n".join([*lines, *(influence.in_words() for influence in self.influences)])
+    def lines(self, depth: Depth) -> Iterator[str]:
+        """See Answer."""
+        yield f"From {self.start} to {self.goal}: {self.way.with_worth(depth)}."
+        if depth != Depth.NAMES:
+            yield "How its value changes when one thing grows and the way stays:"
+            yield from (influence.in_words(depth) for influence in self.influences)
 
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON twin of ``explain``."""
+    def facts(self) -> dict[str, Any]:
+        """See Answer."""
         return {
             "question": "signs", "from": self.start, "to": self.goal, "way": self.way.to_dict(),
             "influences": [influence.to_dict() for influence in self.influences],
-            "sentences": self.explain().splitlines(),
         }  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from qualrl.answers.blocked import Blocked, Crossing, Flags, Kinds, Way
+from qualrl.answers.depth import Depth
 from qualrl.spatial.footprint import SLACK, clearance, has_room, rounded_down
 
 MOST_TOLD = 3
@@ -32,20 +33,21 @@ class Opening(ABC):
         """One of "radius", "thresholds", "doorways" and "clearing"."""
 
     @abstractmethod
-    def brief(self) -> str:
+    def brief(self, depth: Depth = Depth.NUMBERS) -> str:
         """The change in a few words."""
 
     @abstractmethod
-    def change(self) -> str:
+    def change(self, depth: Depth) -> str:
         """The change, with what goes with it."""
 
     @abstractmethod
     def details(self) -> dict[str, Any]:
         """The change as JSON."""
 
-    def in_words(self) -> str:
+    def in_words(self, depth: Depth) -> str:
         """As a line of the answer."""
-        return f"{self.change()}; the shortest way then takes {self.steps:,} step{'' if self.steps == 1 else 's'}."
+        steps = f"; the shortest way then takes {self.steps:,} step{'' if self.steps == 1 else 's'}"
+        return f"{self.change(depth)}{depth.at_numbers(steps)}."
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON."""
@@ -68,13 +70,15 @@ class SmallerRobot(Opening):
 
     kind = "radius"
 
-    def brief(self) -> str:
+    def brief(self, depth: Depth = Depth.NUMBERS) -> str:
         """See Opening."""
-        return f"radius_m {self.radius_m:g} instead of {self.radius_now_m:g}"
+        smaller = f"another{depth.from_signs(', smaller')} radius_m"
+        return depth.at_numbers(f"radius_m {self.radius_m:g} instead of {self.radius_now_m:g}", smaller)
 
-    def change(self) -> str:
+    def change(self, depth: Depth) -> str:
         """See Opening."""
-        return f"{self.brief()}, which just fits the narrowest place, {self.narrowest.where()}"
+        narrowest = depth.from_signs("just fits the narrowest place", "fits the place")
+        return f"{self.brief(depth)}, which {narrowest}, {self.narrowest.where(depth)}"
 
     def details(self) -> dict[str, Any]:
         """See Opening."""
@@ -98,25 +102,27 @@ class OtherThresholds(Opening):
 
     kind = "thresholds"
 
-    def brief(self) -> str:
+    def brief(self, depth: Depth = Depth.NUMBERS) -> str:
         """See Opening."""
-        changes = " and ".join(f"{key} {_plain(then)} instead of {_plain(now)}" for key, now, then in self.settings)
-        return f"{changes} in the map"
+        return f"{' and '.join(_setting_in_words(*setting, depth) for setting in self.settings)} in the map"
 
-    def change(self) -> str:
+    def change(self, depth: Depth) -> str:
         """See Opening."""
-        lost = f"; {self.lost:,} that are free no longer are" if self.lost else ""
-        return f"{self.brief()}, which frees {self.freed.in_words()}, {self._on_way()}{lost}"
+        lost = f"; {depth.at_numbers(f'{self.lost:,}', 'some')} that are free no longer are" if self.lost else ""
+        return f"{self.brief(depth)}, which frees {self.freed.in_words(depth)}, {self._on_way(depth)}{lost}"
 
-    def _on_way(self) -> str:
-        told = "none on that way" if self.freed_on_way == Kinds() else f"{self.freed_on_way.in_words()} on that way"
-        return told if not self.freed_on_way.wall else f"{told} (walls, as the map is read now)"
+    def _on_way(self, depth: Depth) -> str:
+        if self.freed_on_way == Kinds():
+            return "none on that way"
+        walls = " (walls, as the map is read now)" if self.freed_on_way.wall else ""
+        return f"{self.freed_on_way.in_words(depth)} on that way{walls}"
 
-    def in_words(self) -> str:
+    def in_words(self, depth: Depth) -> str:
         """See Opening; with a warning where nobody has seen what is there."""
+        told = super().in_words(depth)
         if not self.freed_on_way.unknown:
-            return super().in_words()
-        return f"{super().in_words()} Careful: the map does not know whether anything stands on those unknown cells."
+            return told
+        return f"{told} Careful: the map does not know whether anything stands on those unknown cells."
 
     def details(self) -> dict[str, Any]:
         """See Opening."""
@@ -134,13 +140,13 @@ class OpenDoorways(Opening):
 
     kind = "doorways"
 
-    def brief(self) -> str:
+    def brief(self, depth: Depth = Depth.NUMBERS) -> str:
         """See Opening."""
         return f"{' and '.join(self.doors)} opened"
 
-    def change(self) -> str:
+    def change(self, depth: Depth) -> str:
         """See Opening."""
-        return self.brief()
+        return self.brief(depth)
 
     def details(self) -> dict[str, Any]:
         """See Opening."""
@@ -163,28 +169,30 @@ class Cleared(Opening):
 
     kind = "clearing"
 
-    def brief(self) -> str:
+    def brief(self, depth: Depth = Depth.NUMBERS) -> str:
         """See Opening."""
         doors = f", and {' and '.join(self.doors)} opened" if self.doors else ""
-        return f"{self.cleared.in_words()} cleared{doors}"
+        return f"{self.cleared.in_words(depth)} cleared{doors}"
 
-    def change(self) -> str:
+    def change(self, depth: Depth) -> str:
         """See Opening."""
-        places = [self._at(place) for place in self.crossings[:MOST_TOLD]]
+        places = [self._at(place, depth) for place in self.crossings[:MOST_TOLD]]
         if len(self.crossings) > MOST_TOLD:
-            places.append(f"{len(self.crossings) - MOST_TOLD} places more")
-        return f"{' and '.join(places)}: {self.brief()}"
+            places.append(depth.at_numbers(f"{len(self.crossings) - MOST_TOLD} places more", "in other places"))
+        return f"{' and '.join(places)}: {self.brief(depth)}"
 
-    def _at(self, place: Crossing) -> str:
+    def _at(self, place: Crossing, depth: Depth) -> str:
         """What must be done at a place."""
         kinds = place.kinds
         what = (
             "a doorway through the wall" if kinds.wall else "unknown space mapped as free" if kinds.unknown else "a way"
         )
-        wide = f" wide enough for radius_m {self.radius_m:g}" if self.radius_m else ""
+        wide = (
+            f" wide enough for {depth.at_numbers(f'radius_m {self.radius_m:g}', 'the robot')}" if self.radius_m else ""
+        )
         thick = kinds.wall + kinds.unknown
         cells = f", {thick} cell{'' if thick == 1 else 's'} ({thick * self.resolution_m:.2f} m) thick" if thick else ""
-        return f"{what}{wide} {place.sides()}{cells}"
+        return f"{what}{wide} {place.sides()}{depth.at_numbers(cells)}"
 
     def details(self) -> dict[str, Any]:
         """See Opening."""
@@ -193,6 +201,13 @@ class Cleared(Opening):
             "cells": [list(cell) for cell in self.cells], "doors": list(self.doors),
             "radius_m": self.radius_m, "resolution_m": self.resolution_m,
         }  # fmt: skip
+
+
+def _setting_in_words(key: str, now: Any, then: Any, depth: Depth) -> str:
+    """A setting of a map and its two values; of numbers at the depth of signs, which way it goes."""
+    if depth == Depth.NUMBERS or isinstance(now, str):
+        return f"{key} {_plain(then)} instead of {_plain(now)}"
+    return f"another{depth.from_signs(', higher' if then > now else ', lower')} {key}"
 
 
 def _plain(value: object) -> str:

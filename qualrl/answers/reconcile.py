@@ -11,8 +11,10 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
-from qualrl.answers.changed_model import with_opened
-from qualrl.answers.ways import Way, way_of
+from qualrl.answers.answer import ALIKE, Answer
+from qualrl.answers.changed_model import Change, with_opened
+from qualrl.answers.depth import Depth
+from qualrl.answers.ways import Way, longer, way_of
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.planner import exact_walk
@@ -25,7 +27,7 @@ Doors = frozenset[str]
 
 
 @dataclass(frozen=True)
-class Reconciled:
+class Reconciled(Answer):
     """The answer."""
 
     start: str
@@ -35,37 +37,36 @@ class Reconciled:
     """As things are."""
     own: Way
     """The best way along the expected places, walls opened where it needs that."""
-    opened: tuple[str, ...]
-    """What was opened, in words."""
+    opened: tuple[Change, ...]
     closed: tuple[str, ...]
     """Doorways to close."""
     is_smallest: bool
     """Whether no smaller set of closings would do; else none can be left out of this one, but others were not tried."""
 
-    def explain(self) -> str:
-        """In words, a line a fact."""
-        lines = [
-            f"Best from {self.start} to {self.goal}: {self.best.in_words()}, worth {self.best.value:.6g}.",
-            f"Expected: {self.own.in_words()}, worth {self.own.value:.6g}"
-            + (f" with {', '.join(self.opened)}." if self.opened else "."),
-        ]
+    def lines(self, depth: Depth) -> Iterator[str]:
+        """See Answer."""
+        changes = [change.in_words(depth) for change in self.opened]
+        opened = f" with {', '.join(changes)}" if changes else ""
+        beside = depth.at_signs(f", {self.own.worth_beside(self.best)}; {longer(self.own, self.best, depth)}")
+        yield f"Best from {self.start} to {self.goal}: {self.best.with_worth(depth)}."
+        yield f"Expected: {self.own.with_worth(depth)}{opened}{beside}."
         if not self.opened and not self.closed:
-            lines.append("The expected plan is best already, or as good as any.")
-            return "\n".join(lines)
-        changes = [*self.opened, *(f"{name} closed" for name in self.closed)]
-        lines.append(f"It would be best with {', '.join(changes)}.")
-        if self.closed and self.is_smallest:
-            lines.append("No smaller set of closed doorways would do: those of every better way were tried.")
-        elif self.closed:
-            lines.append("None of these closings can be left out; whether a smaller set would do is undecided.")
-        return "\n".join(lines)
+            yield f"The expected plan is best already{depth.from_signs(', or as good as any')}."
+            return
+        changes += [f"{name} closed" for name in self.closed]
+        yield f"It would be best with {', '.join(changes)}."
+        if self.closed and self.is_smallest and depth != Depth.NAMES:
+            yield "No smaller set of closed doorways would do: those of every better way were tried."
+        elif self.closed and not self.is_smallest:
+            undecided = depth.from_signs("; whether a smaller set would do is undecided")
+            yield f"None of these closings can be left out{undecided}."
 
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON twin of ``explain``."""
+    def facts(self) -> dict[str, Any]:
+        """See Answer."""
         return {
             "question": "reconcile", "from": self.start, "to": self.goal, "expected": list(self.expected),
-            "best": self.best.to_dict(), "own": self.own.to_dict(), "opened": list(self.opened),
-            "closed": list(self.closed), "smallest": self.is_smallest, "sentences": self.explain().splitlines(),
+            "best": self.best.to_dict(), "own": self.own.to_dict(), "opened": [change.words for change in self.opened],
+            "closed": list(self.closed), "smallest": self.is_smallest,
         }  # fmt: skip
 
 
@@ -78,11 +79,11 @@ def reconcile(model: HybridMDP, start: int, names: tuple[str, str], expected: Se
     _check(model, start, expected)
     model.check_reachable(start)
     best = _best(model, start)
-    opened, changed, at = list[str](), model, start
+    opened, changed, at = list[Change](), model, start
     for pair in pairwise(expected):
         if not _doors_between(changed, [pair]):
-            changed, at, words = with_opened(changed, pair, at)
-            opened.append(words)
+            changed, at, change = with_opened(changed, pair, at)
+            opened.append(change)
     search = _Search(changed, at, tuple(expected))
     own = search.own(frozenset())
     if own is None:
@@ -150,7 +151,7 @@ class _Search:
         own, best = self.own(closed), self.way(closed)
         if own is None or best is None:
             return False
-        return best.places == self.expected or own.value >= best.value - 1e-9 * abs(best.value)
+        return best.places == self.expected or own.value >= best.value - ALIKE * abs(best.value)
 
     def closings(self) -> tuple[Doors, bool]:
         """A set of doorways whose closing makes the expected plan best, and whether it is known to be smallest."""

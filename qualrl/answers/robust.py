@@ -5,14 +5,17 @@ and of each two whether one is better for all numbers, either for some, or undec
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
+from qualrl.answers.answer import Answer
 from qualrl.answers.contingent import Contingent
+from qualrl.answers.depth import Depth
+from qualrl.answers.known import between, known_in_words
 from qualrl.answers.rivals import rivals
-from qualrl.answers.uncertain import EVERYWHERE, Uncertain
+from qualrl.answers.uncertain import Uncertain
 from qualrl.answers.ways import Way, way_of
 from qualrl.errors import SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
@@ -47,7 +50,7 @@ class Rival:
 
 
 @dataclass(frozen=True)
-class Robust:
+class Robust(Answer):
     """The answer."""
 
     start: str
@@ -74,67 +77,51 @@ class Robust:
         """The way that is worth the most in its worst case."""
         return max(range(len(self.rivals)), key=lambda at: self.rivals[at].least)
 
-    def explain(self) -> str:
-        """In words, a line a fact."""
-        lines = [f"From {self.start} to {self.goal} at gamma {self.gamma:g}, as far as it is known:"]
-        lines += [f"  {line}" for line in self._known_in_words()]
+    def lines(self, depth: Depth) -> Iterator[str]:
+        """See Answer."""
+        at = depth.at_numbers(f" at gamma {self.gamma:g}")
+        yield f"From {self.start} to {self.goal}{at}, as far as it is known:"
+        yield from (f"  {line}" for line in known_in_words(self.uncertain, depth))
         for number, rival in enumerate(self.rivals, 1):
-            lines.append(f"Way {number}: {rival.way.in_words()}, worth {_between(rival.least, rival.most)}.")
-        lines += self._orders_in_words()
-        lines += self._best_in_words()
-        lines.append(self._others_in_words())
-        return "\n".join(lines)
+            worth = depth.at_numbers(f", worth {between(rival.least, rival.most)}")
+            yield f"Way {number}: {rival.way.in_words(depth)}{worth}."
+        if depth != Depth.NAMES:
+            yield from self._orders_in_words(depth)
+        yield from self._best_in_words(depth)
+        if words := self._others_in_words(depth):
+            yield words
 
-    def _known_in_words(self) -> list[str]:
-        lines = []
-        for name, given in self.uncertain.doors.items():
-            span = _between(*self.uncertain.door(name))
-            seen = f", as it was in {given.hits} of {given.trials} cases" if isinstance(given, Counts) else ""
-            lines.append(f"{name} is open with a probability of {span}{seen}")
-        for name, times in self.uncertain.times.items():
-            place = "every other region" if name == EVERYWHERE and len(self.uncertain.times) > 1 else name
-            place = "every region" if place == EVERYWHERE else place
-            if isinstance(times, Samples):
-                count = len(times.times)
-                lines.append(
-                    f"{place} took {_between(min(times.times), max(times.times))} times as long in {count} cases"
-                )
-            else:
-                lines.append(f"{place} takes {_between(*times)} times as long as on the map")
-        if any(
-            isinstance(of, Counts | Samples) for of in (*self.uncertain.doors.values(), *self.uncertain.times.values())
-        ):
-            lines.append(
-                f"what was counted holds with a confidence of {self.uncertain.confidence:g}, all of it at once"
-            )
-        return lines
-
-    def _orders_in_words(self) -> list[str]:
-        lines = []
+    def _orders_in_words(self, depth: Depth) -> Iterator[str]:
         for (one, other), order in self.orders.items():
             first, second = (f"way {at + 1}" for at in (one, other))
             if order.relation in (BETTER, WORSE):
                 better, worse = (first, second) if order.relation == BETTER else (second, first)
-                lines.append(f"Certain: {better} is better than {worse}, whatever the numbers are.")
+                yield f"Certain: {better} is better than {worse}, whatever the numbers are."
             elif order.relation == EQUAL:
-                lines.append(f"Certain: {first} and {second} are worth the same, whatever the numbers are.")
+                yield f"Certain: {first} and {second} are worth the same, whatever the numbers are."
             elif order.relation == UNDECIDED:
-                lines.append(f"Undecided: whether {first} or {second} is better.")
+                yield f"Undecided: whether {first} or {second} is better."
             else:
-                lines.append(f"Possible: {self._either_in_words(one, other, order)}.")
-        return lines
+                yield f"Possible: {self._either_in_words(one, other, order, depth)}."
 
-    def _either_in_words(self, one: int, other: int, order: Order) -> str:
+    def _either_in_words(self, one: int, other: int, order: Order, depth: Depth) -> str:
+        better, worse = order.at_better or {}, order.at_worse or {}
+        if depth == Depth.SIGNS:
+            some = "for some numbers"
+            if (one, other) in self.changes:
+                key, _ = self.changes[one, other]
+                some = f"with {self._moved(key, better[key] - worse[key])}"
+            return f"way {one + 1} is better than way {other + 1} {some}, for others worse"
         told = [
-            f"way {one + 1} is better than way {other + 1} with {self._at(order.at_better)}",
-            f"worse with {self._at(order.at_worse)}",
+            f"way {one + 1} is better than way {other + 1} with {self._at(better)}",
+            f"worse with {self._at(worse)}",
         ]
         if (one, other) in self.changes:
             told.append(f"they change places at {self._number(*self.changes[one, other])}")
         return "; ".join(told)
 
-    def _at(self, point: Point | None) -> str:
-        told = [self._number(key, number) for key, number in (point or {}).items() if len({*self.box[key]}) > 1]
+    def _at(self, point: Point) -> str:
+        told = [self._number(key, number) for key, number in point.items() if len({*self.box[key]}) > 1]
         return ", ".join(told)
 
     def _number(self, key: str, number: float) -> str:
@@ -145,8 +132,15 @@ class Robust:
             return f"{key} like {self.measured[key] + wait:.4g}"
         return f"{key} {number:.4g} times as long"
 
-    def _best_in_words(self) -> list[str]:
-        lines = []
+    def _moved(self, key: str, by: float) -> str:
+        """A number that is larger or smaller."""
+        if key in self.uncertain.doors:
+            return f"{key} {'more' if by > 0 else 'less'} likely open"
+        if key in self.measured:
+            return f"steps in {key.partition(' steps in ')[2]} taking {'less' if by > 0 else 'more'} time"
+        return f"{key} taking {'more' if by > 0 else 'less'} time"
+
+    def _best_in_words(self, depth: Depth) -> Iterator[str]:
         for kind, words in (
             (CERTAIN, "Certainly best"),
             (POSSIBLE, "Best for some numbers"),
@@ -154,20 +148,21 @@ class Robust:
         ):
             ways = [f"way {at}" for at, rival in enumerate(self.rivals, 1) if rival.best == kind]
             if ways:
-                lines.append(f"{words}: {', '.join(ways)}.")
-        safest = self.rivals[self.safest]
-        lines.append(f"Best in the worst case: way {self.safest + 1}, worth at least {safest.least:.6g}.")
-        return lines
+                yield f"{words}: {', '.join(ways)}."
+        worth = depth.at_numbers(f", worth at least {self.rivals[self.safest].least:.6g}")
+        yield f"Best in the worst case: way {self.safest + 1}{worth}."
 
-    def _others_in_words(self) -> str:
+    def _others_in_words(self, depth: Depth) -> str:
         if self.others is None:
             return "No other way passes no region twice."
         if self.others < self.rivals[self.safest].least:
-            return f"Every other way that passes no region twice is worth less than that: at most {self.others:.6g}."
-        return f"Other ways were not compared; they are worth at most {self.others:.6g}, so one of them may be better."
+            most = depth.at_numbers(f": at most {self.others:.6g}")
+            return depth.from_signs(f"Every other way that passes no region twice is worth less than that{most}.")
+        worth = depth.at_numbers(f"; they are worth at most {self.others:.6g}")
+        return f"Other ways were not compared{worth}{depth.from_signs(', so one of them may be better')}."
 
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON twin of ``explain``."""
+    def facts(self) -> dict[str, Any]:
+        """See Answer."""
         return {
             "question": "robust", "from": self.start, "to": self.goal, "gamma": self.gamma,
             "confidence": self.uncertain.confidence,
@@ -183,7 +178,7 @@ class Robust:
             "numbers": {key: list(span) for key, span in self.box.items()}, "measured": dict(self.measured),
             "ways": [rival.to_dict() for rival in self.rivals],
             "orders": [self._order_to_dict(pair) for pair in self.orders],
-            "safest": self.safest + 1, "others": self.others, "sentences": self.explain().splitlines(),
+            "safest": self.safest + 1, "others": self.others,
         }  # fmt: skip
 
     def _order_to_dict(self, pair: tuple[int, int]) -> dict[str, Any]:
@@ -316,7 +311,3 @@ def _changes(
                 near = change(plans[one].outlook, plans[other].outlook, order.at_better, order.at_worse)
                 found[one, other] = keys[0], near[keys[0]]
     return found
-
-
-def _between(low: float, high: float) -> str:
-    return f"{low:.6g} to {high:.6g}" if low < high else f"{low:.6g}"

@@ -5,16 +5,19 @@ step slips as is worst (an interval MDP over the cells).  Where bounds of two wa
 of the span; where they do, the span is halved.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, groupby
 from typing import Any
 
+from qualrl.answers.answer import Answer
+from qualrl.answers.depth import Depth
 from qualrl.answers.through import values_through
 from qualrl.errors import NoPlanError, SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.qualitative.from_counts import Counts
 from qualrl.qualitative.robust_order import BETTER, UNDECIDED, WORSE
+from qualrl.qualitative.signs import one_after_the_other
 from qualrl.solving.exact import SlipSpan, exact_values, values_between
 from qualrl.spatial.region_map import Doorway
 
@@ -39,7 +42,7 @@ class Verdict:
 
 
 @dataclass(frozen=True)
-class RobustSlip:
+class RobustSlip(Answer):
     """The answer."""
 
     start: str
@@ -55,22 +58,23 @@ class RobustSlip:
     the middle of the interval."""
     verdicts: Mapping[tuple[str, str], tuple[Verdict, ...]]
 
-    def explain(self) -> str:
-        """In words, a line a fact."""
-        lines = [
-            f"From {self.start} to {self.goal} at gamma {self.gamma:g}, moves slip with a probability of "
-            f"{_between(*self.slip)}{self._counted()}."
-        ]
-        for door, (least, most) in self.worth.items():
-            lines.append(f"Leaving {self.region} by {door} is worth {_between(least, most)}.")
-        for (one, other), verdicts in self.verdicts.items():
-            lines.append(f"{_verdicts_in_words(one, other, verdicts)}.")
+    def lines(self, depth: Depth) -> Iterator[str]:
+        """See Answer."""
+        slip = f"moves slip with a probability of {_between(*self.slip)}{self._counted()}"
+        at = depth.at_numbers(f" at gamma {self.gamma:g}")
+        yield f"From {self.start} to {self.goal}{at}, {depth.at_numbers(slip, 'moves may slip')}."
+        if depth == Depth.NUMBERS:
+            for door, (least, most) in self.worth.items():
+                yield f"Leaving {self.region} by {door} is worth {_between(least, most)}."
+        else:
+            yield f"Ways to leave {self.region}: by {', by '.join(self.worth)}."
+        if depth != Depth.NAMES:
+            for (one, other), verdicts in self.verdicts.items():
+                yield f"{_verdicts_in_words(one, other, verdicts, depth)}."
         safest = max(self.worth, key=lambda door: self.worth[door][0])
-        lines.append(
-            f"Best in the worst case: {safest}, worth at least {self.worth[safest][0]:.6g} "
-            "even if the probability is another at each step."
-        )
-        return "\n".join(lines)
+        worth = depth.at_numbers(f" worth at least {self.worth[safest][0]:.6g}")
+        even = depth.from_signs(f",{worth} even if the probability is another at each step")
+        yield f"Best in the worst case: {safest}{even}."
 
     def _counted(self) -> str:
         if self.counts is None:
@@ -78,8 +82,8 @@ class RobustSlip:
         of = self.counts
         return f" ({of.hits} of {of.trials} moves did; confidence {self.confidence:g})"
 
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON twin of ``explain``."""
+    def facts(self) -> dict[str, Any]:
+        """See Answer."""
         return {
             "question": "robust", "from": self.start, "to": self.goal, "region": self.region, "gamma": self.gamma,
             "slip": list(self.slip), "counts": None if self.counts is None else [self.counts.hits, self.counts.trials],
@@ -88,7 +92,6 @@ class RobustSlip:
                 {"ways": list(pair), "low": of.low, "high": of.high, "relation": of.relation}
                 for pair, verdicts in self.verdicts.items() for of in verdicts
             ],
-            "sentences": self.explain().splitlines(),
         }  # fmt: skip
 
 
@@ -197,20 +200,24 @@ class _Search:
         return tuple(found)
 
 
-def _verdicts_in_words(one: str, other: str, verdicts: Sequence[Verdict]) -> str:
+def _verdicts_in_words(one: str, other: str, verdicts: Sequence[Verdict], depth: Depth) -> str:
     better = {BETTER: f"{one} is better than {other}", WORSE: f"{other} is better than {one}"}
     if len(verdicts) == 1 and verdicts[0].relation != UNDECIDED:
         return f"Certain: {better[verdicts[0].relation]}, whatever the probability is"
     if len(verdicts) == 1:
         return f"Undecided: whether {one} or {other} is better"
+    kinds = {of.relation for of in verdicts} - {UNDECIDED}
+    how = "Possible" if len(kinds) > 1 else "Certain"
+    if depth == Depth.SIGNS:
+        words = [better.get(of.relation, "undecided") for of in verdicts]
+        return f"{how}: {one_after_the_other(words, 'probabilities')}"
     told = [
         f"{better[of.relation]} from {of.low:.4g} to {of.high:.4g}"
         for of in verdicts if of.relation != UNDECIDED
     ]  # fmt: skip
-    kinds = {of.relation for of in verdicts} - {UNDECIDED}
     rest = [f"{of.low:.4g} to {of.high:.4g}" for of in verdicts if of.relation == UNDECIDED]
     undecided = f"; undecided from {', '.join(rest)}" if rest else ""
-    return f"{'Possible' if len(kinds) > 1 else 'Certain'}: {', '.join(told)}{undecided}"
+    return f"{how}: {', '.join(told)}{undecided}"
 
 
 def _between(low: float, high: float) -> str:

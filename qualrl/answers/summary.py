@@ -5,12 +5,15 @@ S states.
 """
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.answers.answer import Answer, named
+from qualrl.answers.depth import Depth
 from qualrl.errors import SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.choices import Chooser
@@ -49,10 +52,12 @@ class Exit:
     columns: tuple[int, int]
     """First and last row and column."""
 
-    def where(self) -> str:
+    def where(self, depth: Depth) -> str:
         """How many cells, and where they are."""
-        share = f"{100 * self.share:.2g} %"
         side = f" in its {self.side}" if self.side else ""
+        if depth != Depth.NUMBERS:
+            return f"in some cells{side}"
+        share = f"{100 * self.share:.2g} %"
         return f"{_cells(self.cells)} ({share}){side} ({_span('row', self.rows)}, {_span('column', self.columns)})"
 
     def to_dict(self) -> dict[str, Any]:
@@ -91,13 +96,14 @@ class RegionRule:
     gap: Gap | None
     """None where at most one doorway leads on to the goal, and where the goal is."""
 
-    def in_words(self) -> str:
+    def in_words(self, depth: Depth) -> str:
         """As a line of the answer."""
         rule, *others = self.exits
-        parts = [f"{self.name} ({_cells(self.cells)}): {rule.words}"]
-        parts += [f"except {other.where()}: {other.words}" for other in others[:MOST_NAMED]]
+        parts = [f"{self.name}{depth.at_numbers(f' ({_cells(self.cells)})')}: {rule.words}"]
+        parts += [f"except {other.where(depth)}: {other.words}" for other in others[:MOST_NAMED]]
         if rest := others[MOST_NAMED:]:
-            parts.append(f"and except {_cells(sum(other.cells for other in rest))} more, in {len(rest)} other ways")
+            counted = f"{_cells(sum(other.cells for other in rest))} more, in {len(rest)} other ways"
+            parts.append(f"and except {depth.at_numbers(counted, 'in other cells, in other ways')}")
         return "; ".join(parts)
 
     def to_dict(self) -> dict[str, Any]:
@@ -109,7 +115,7 @@ class RegionRule:
 
 
 @dataclass(frozen=True)
-class Summary:
+class Summary(Answer):
     """The answer."""
 
     goal: str
@@ -124,32 +130,30 @@ class Summary:
         felt = [rule for rule in self.rules if rule.gap is not None and rule.gap.mean > 0]
         return tuple(sorted(felt, key=lambda rule: -rule.gap.mean if rule.gap else 0.0))
 
-    def explain(self) -> str:
-        """In words, a line a region."""
-        slip = f", moves slipping with probability {self.slip:g}" if self.slip else ""
-        lines = [f"Best at gamma {self.gamma:g}{slip}, wherever one is, to reach {self.goal}:"]
-        lines += [rule.in_words() for rule in self.rules if rule.steps_to_goal is not None]
+    def lines(self, depth: Depth) -> Iterator[str]:
+        """A line a region."""
+        slip = f", moves slipping{depth.at_numbers(f' with probability {self.slip:g}')}" if self.slip else ""
+        best = f"Best{depth.at_numbers(f' at gamma {self.gamma:g}')}{slip}"
+        first = depth.at_signs(", what is nearest to it first") if len(self.rules) > 1 else ""
+        yield f"{best}, wherever one is, to reach {self.goal}{first}:"
+        yield from (rule.in_words(depth) for rule in self.rules if rule.steps_to_goal is not None)
         closed = [rule for rule in self.rules if rule.steps_to_goal is None]
         if closed:
-            names = ", ".join(rule.name for rule in closed[:MOST_CLOSED])
-            more = f" and {len(closed) - MOST_CLOSED} more" if len(closed) > MOST_CLOSED else ""
-            lines.append(f"No way leads to the goal from {names}{more} ({_cells(sum(rule.cells for rule in closed))}).")
-        if self.important:
+            yield f"No way leads to the goal from {_closed_in_words(closed, depth)}."
+        if self.important and depth != Depth.NAMES:
             told = [
-                f"{rule.name} ({rule.gap.mean:.3g} on average, {rule.gap.largest:.3g} at most)"
+                rule.name + depth.at_numbers(f" ({rule.gap.mean:.3g} on average, {rule.gap.largest:.3g} at most)")
                 for rule in self.important[:MOST_NAMED]
                 if rule.gap
             ]
-            lines.append(f"By the second-best doorway most is lost in {', '.join(told)}.")
-        return "\n".join(lines)
+            yield f"By the second-best doorway most is lost in {', '.join(told)}."
 
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON twin of ``explain``."""
+    def facts(self) -> dict[str, Any]:
+        """See Answer."""
         return {
             "question": "summary", "to": self.goal, "gamma": self.gamma, "slip": self.slip,
             "regions": [rule.to_dict() for rule in self.rules],
             "important": [rule.name for rule in self.important],
-            "sentences": self.explain().splitlines(),
         }  # fmt: skip
 
 
@@ -225,6 +229,15 @@ def _gap(model: HybridMDP, chooser: Chooser, region: int) -> Gap | None:
     return Gap(
         float(gap[choice].mean()), float(gap[most]), model.cell_of(int(chooser.states[region][most]))
     )  # fmt: skip
+
+
+def _closed_in_words(closed: Sequence[RegionRule], depth: Depth) -> str:
+    """Regions from which no way leads on."""
+    names = [rule.name for rule in closed]
+    if depth != Depth.NUMBERS:
+        return named(names, MOST_CLOSED)
+    more = f" and {len(closed) - MOST_CLOSED} more" if len(closed) > MOST_CLOSED else ""
+    return f"{', '.join(names[:MOST_CLOSED])}{more} ({_cells(sum(rule.cells for rule in closed))})"
 
 
 def _span(what: str, ends: tuple[int, int]) -> str:

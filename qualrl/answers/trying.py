@@ -4,11 +4,13 @@ Who finds it closed goes on from in front of it by the best way without it.  Wha
 other places on the way is left out: the doorways are open all together, or not.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+from qualrl.answers.answer import in_sign
+from qualrl.answers.depth import Depth
 from qualrl.answers.ways import course
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.crossings import door_taken
@@ -43,27 +45,43 @@ class Trying:
             "round": ways.round.value(self.gamma),
         }  # fmt: skip
 
-    def sentences(self) -> list[str]:
+    def lines(self, depth: Depth) -> Iterator[str]:
         """In words."""
-        worth, at, limit = self.values, self.break_even.at(self.gamma), self.break_even.limit
-        lines = [
-            f"Going to {self.door} to see whether it is open is worth {worth['open']:.6g} if it is, "
-            f"{worth['closed']:.6g} if it is not ({self.break_even.closed.steps} steps); "
-            f"going round at once, {worth['round']:.6g}."
-        ]
+        going = f"Going to {self.door} to see whether it is open"
+        if depth == Depth.NAMES:
+            yield f"{going} is one way, going round at once another."
+            return
+        yield depth.at_numbers(
+            f"{going} {self._worths()}.", f"{going} is one way, going round at once another: {self._signs()}."
+        )
+        at, limit = self.break_even.at(self.gamma), self.break_even.limit
         if at is not None and at > 1 - ROUNDING:
-            lines.append("So trying never pays: going round is as good even if it is open.")
+            yield "So trying never pays: going round is as good even if it is open."
         elif at is not None:
             tends = "" if limit is None else f" (as gamma tends to 1: {float(limit):.4g})"
-            lines.append(
-                f"So trying pays if it is open with a probability above {at:.4g} at gamma {self.gamma:g}{tends}."
-            )
+            enough = f"with a probability above {at:.4g} at gamma {self.gamma:g}{tends}"
+            yield f"So trying pays if it is open {depth.at_numbers(enough, 'with a probability that is high enough')}."
         else:
-            lines.append("So for who goes there it makes no difference whether it is open.")
+            yield "So for who goes there it makes no difference whether it is open."
         if self.contrast is not None:
-            words = self.contrast.in_words("trying", "going round")
-            lines.append(f"If it is open with probability {self.chance:g}, {words}.")
-        return lines
+            words = self.contrast.in_words("trying", "going round", depth == Depth.NUMBERS)
+            chance = depth.at_numbers(f"probability {self.chance:g}", "the probability asked about")
+            yield f"If it is open with {chance}, {words}."
+
+    def _worths(self) -> str:
+        worth = self.values
+        return (
+            f"is worth {worth['open']:.6g} if it is, {worth['closed']:.6g} if it is not "
+            f"({self.break_even.closed.steps} steps); going round at once, {worth['round']:.6g}"
+        )
+
+    def _signs(self) -> str:
+        """What going there is worth beside going round."""
+        worth, words = self.values, ("less", "as much", "more")
+        seen, not_seen = (
+            in_sign(worth[way] - worth["round"], worth["round"], words) for way in ("open", "closed")
+        )  # fmt: skip
+        return f"going there is worth {seen} if it is open, {not_seen} if it is not"
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON."""

@@ -7,11 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from qualrl.answers.answer import WORTH, in_sign
+from qualrl.answers.depth import Depth
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.crossings import door_taken
 from qualrl.planning.legs import legs_of
 from qualrl.planning.planner import length_m
 from qualrl.qualitative.plan_value import Course, course_of
+
+LENGTHS = ("shorter", "as long", "longer")
+STEPS = ("fewer steps", "as many steps", "more steps")
 
 
 @dataclass(frozen=True)
@@ -26,10 +31,20 @@ class Way:
     value: float
     """Expected discounted return at the start, slips included."""
 
-    def in_words(self) -> str:
+    def in_words(self, depth: Depth) -> str:
         """Places, length and doorways."""
-        doors = f" by {', '.join(self.doors)}" if self.doors else ""
-        return f"{' -> '.join(self.places)} ({self.steps} steps, {self.length_m:.2f} m{doors})"
+        doors = f"by {', '.join(self.doors)}" if self.doors else ""
+        length = depth.at_numbers(f"{self.steps} steps, {self.length_m:.2f} m")
+        told = " ".join(part for part in (length, doors) if part)
+        return " -> ".join(self.places) + (f" ({told})" if told else "")
+
+    def with_worth(self, depth: Depth) -> str:
+        """The same, and what it is worth."""
+        return self.in_words(depth) + depth.at_numbers(f", worth {self.value:.6g}")
+
+    def worth_beside(self, other: "Way") -> str:
+        """Whether it is worth more than another, in a word."""
+        return in_sign(self.value - other.value, other.value, WORTH)
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON."""
@@ -63,6 +78,16 @@ def course(model: HybridMDP, walk: Sequence[int]) -> Course:
     return course_of(places, [*rewards[:-1], float(world.goal_reward)])
 
 
-def more(amount: float, unit: str, digits: int = 0) -> str:
+def longer(way: Way, other: Way, depth: Depth) -> str:
+    """How much longer a way is than another: "6 steps more and 1.50 m more", or "it is longer"."""
+    steps, far_m = way.steps - other.steps, way.length_m - other.length_m
+    if depth == Depth.NUMBERS:
+        return f"{_more(steps, 'steps')} and {_more(far_m, 'm', 2)}"
+    far = in_sign(far_m, other.length_m, LENGTHS)
+    walked = in_sign(steps, other.steps, STEPS)
+    return f"it is {far}" if LENGTHS.index(far) == STEPS.index(walked) else f"it is {far}, with {walked}"
+
+
+def _more(amount: float, unit: str, digits: int = 0) -> str:
     """How much more or less: "6 steps more"."""
     return f"{abs(amount):.{digits}f} {unit} {'more' if amount >= 0 else 'fewer'}"

@@ -1,15 +1,17 @@
 """What a change does to a plan: closed doorways, an opened wall, other numbers; and where it begins to matter."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.answers.changed_model import with_numbers
+from qualrl.answers.answer import Answer
+from qualrl.answers.changed_model import Change, with_numbers
+from qualrl.answers.depth import Depth
 from qualrl.answers.trying import Trying, trying
-from qualrl.answers.ways import Way, course, more, way_of
+from qualrl.answers.ways import Way, course, longer, way_of
 from qualrl.errors import SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.exits import ASTRAY, exits
@@ -38,10 +40,12 @@ class Switch:
     other: float
     """One close to it at which the best way is another."""
 
-    def in_words(self) -> str:
+    def in_words(self, depth: Depth) -> str:
         """As a line of the answer."""
         low, high = sorted((self.same, self.other))
-        return f"The best way first changes between {self.name} {low:.6g} and {high:.6g}; both were solved exactly."
+        between = f"first changes between {self.name} {low:.6g} and {high:.6g}; both were solved exactly"
+        grows = depth.from_signs(f" as it {'grows' if self.other > self.same else 'falls'}")
+        return f"The best way {depth.at_numbers(between, f'changes with {self.name}{grows}')}."
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON."""
@@ -65,12 +69,12 @@ class Turned:
 
 
 @dataclass(frozen=True)
-class WhatIf:
+class WhatIf(Answer):
     """The answer; everything that its sentences say stands in its fields."""
 
     start: str
     goal: str
-    changes: tuple[str, ...]
+    changes: tuple[Change, ...]
     before: Way
     after: Way | None
     """None where no way leads to the goal any more."""
@@ -92,82 +96,80 @@ class WhatIf:
         """Whether the best way leads through the same places and doorways as before."""
         return self.after is not None and _course_of(self.before) == _course_of(self.after)
 
-    def explain(self) -> str:
-        """In words, a line a fact."""
-        lines = [
-            f"Now from {self.start} to {self.goal}: {self.before.in_words()}, worth {self.before.value:.6g}.",
-            self._after_in_words(),
-        ]
-        lines += self._turned_in_words()
+    def lines(self, depth: Depth) -> Iterator[str]:
+        """See Answer."""
+        yield f"Now from {self.start} to {self.goal}: {self.before.with_worth(depth)}."
+        yield f"With {', '.join(change.in_words(depth) for change in self.changes)}: {self._after_in_words(depth)}."
+        yield from self._turned_in_words(depth)
         if self.trying is not None:
-            lines += self.trying.sentences()
+            yield from self.trying.lines(depth)
         elif self.chance is not None:
             why = "no way leads round" if self.after is None else "the best way does not pass what is closed"
-            lines.append(f"Whether to go and see is no question: {why}.")
+            yield f"Whether to go and see is no question: {why}."
         if self.switch is not None:
-            lines.append(self.switch.in_words())
-        if self.contrast is not None:
-            lines.append(f"Of these two ways, {self.contrast.in_words('the old one', 'the new one')}.")
-        return "\n".join(lines)
+            yield self.switch.in_words(depth)
+        if self.contrast is not None and depth != Depth.NAMES:
+            words = self.contrast.in_words("the old one", "the new one", depth == Depth.NUMBERS)
+            yield f"Of these two ways, {words}."
 
-    def _after_in_words(self) -> str:
-        changes = ", ".join(self.changes)
+    def _after_in_words(self, depth: Depth) -> str:
         if self.after is None:
-            return f"With {changes}: no way leads from {self.start} to {self.goal}."
+            return f"no way leads from {self.start} to {self.goal}"
         difference = self.after.value - self.before.value
         worth = f"{abs(difference):.3g} {'more' if difference >= 0 else 'less'}"
+        worth = depth.at_numbers(worth, self.after.worth_beside(self.before))
         if not self.is_comparable:
-            worth = "which is of another gamma"
+            worth = "which is of another gamma" if depth == Depth.NUMBERS else "what it is worth is of another gamma"
         if self.is_same_way and self.after.steps == self.before.steps:
-            return f"With {changes}: the same way, worth {self.after.value:.6g}, {worth}."
-        longer = (
-            f"{more(self.after.steps - self.before.steps, 'steps')} and "
-            f"{more(self.after.length_m - self.before.length_m, 'm', 2)}"
-        )
-        return f"With {changes}: {self.after.in_words()}, worth {self.after.value:.6g}, {worth}; {longer}."
+            value = depth.at_numbers(f", worth {self.after.value:.6g}")
+            return f"the same way{value}{depth.from_signs(f', {worth}')}"
+        beside = depth.from_signs(f", {worth}; {longer(self.after, self.before, depth)}")
+        return f"{self.after.with_worth(depth)}{beside}"
 
-    def _turned_in_words(self) -> list[str]:
+    def _turned_in_words(self, depth: Depth) -> list[str]:
         turned = [(of.region, of.cells - of.cut_off, of.of) for of in self.turned]
         lost = [(of.region, of.cut_off, of.of) for of in self.turned]
         words = (
-            _counted(turned, "the best way leaves its region otherwise than before"),
-            _counted(lost, "no way is left"),
+            _counted(turned, "the best way leaves its region otherwise than before", depth),
+            _counted(lost, "no way is left", depth),
         )
         return [line for line in words if line] or ["From every cell the best way leaves its region as before."]
 
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON twin of ``explain``, with the formulas and the certificates."""
+    def facts(self) -> dict[str, Any]:
+        """See Answer; with the formulas and the certificates."""
         return {
-            "question": "what-if", "from": self.start, "to": self.goal, "changes": list(self.changes),
+            "question": "what-if", "from": self.start, "to": self.goal,
+            "changes": [change.words for change in self.changes],
             "before": self.before.to_dict(), "after": None if self.after is None else self.after.to_dict(),
             "is_comparable": self.is_comparable, "chance": self.chance,
             "turned": [turned.to_dict() for turned in self.turned],
             "trying": None if self.trying is None else self.trying.to_dict(),
             "switch": None if self.switch is None else self.switch.to_dict(),
             "contrast": None if self.contrast is None else self.contrast.to_dict("before", "after"),
-            "sentences": self.explain().splitlines(),
         }  # fmt: skip
 
 
-def _counted(counts: Sequence[tuple[str, int, int]], what: str) -> str:
+def _counted(counts: Sequence[tuple[str, int, int]], what: str, depth: Depth) -> str:
     """Something that is so of some cells of some regions; empty for no cells."""
     felt = sorted((of for of in counts if of[1]), key=lambda of: -of[1])
     cells = sum(count for _, count, _ in felt)
     if not cells:
         return ""
-    told = [f"{count} of {total} in {region}" for region, count, total in felt[:MOST_NAMED]]
+    told = [f"{depth.at_numbers(f'{count} of {total} ')}in {region}" for region, count, total in felt[:MOST_NAMED]]
     if len(felt) > MOST_NAMED:
-        told.append(f"{sum(count for _, count, _ in felt[MOST_NAMED:])} elsewhere")
-    return f"From {'1 cell' if cells == 1 else f'{cells} cells'} {what}: {', '.join(told)}."
+        told.append(depth.at_numbers(f"{sum(count for _, count, _ in felt[MOST_NAMED:])} ") + "elsewhere")
+    first = depth.at_signs(", most cells first") if len(felt) > 1 else ""
+    some = depth.at_numbers("1 cell" if cells == 1 else f"{cells} cells", "some cells")
+    return f"From {some} {what}{first}: {', '.join(told)}."
 
 
 def what_if(
-    before: HybridMDP, after: HybridMDP, starts: tuple[int, int], names: tuple[str, str], changes: tuple[str, ...],
+    before: HybridMDP, after: HybridMDP, starts: tuple[int, int], names: tuple[str, str], changes: tuple[Change, ...],
     chance: float | None = None,
 ) -> WhatIf:  # fmt: skip
     """Ask what a change does to the plan from a state, whose numbers in the two models are ``starts``.
 
-    names: what to call start and goal.  changes: in words.  chance: the probability that doorways closed in ``after``
+    names: what to call start and goal.  chance: the probability that doorways closed in ``after``
     are open after all.  Raises NoPlanError where no way leads to the goal before, SettingError without a change.
     """
     if not changes:

@@ -1,13 +1,15 @@
 """Which doorways and regions a plan hangs on: what is lost without each, and the fewest doorways that cut it off."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
 import networkx as nx
 
+from qualrl.answers.answer import ALIKE, Answer, in_sign
+from qualrl.answers.depth import Depth
 from qualrl.errors import SettingError
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
@@ -29,12 +31,17 @@ class Loss:
     longer_steps: int | None
     """By how many moves the shortest way is longer then."""
 
-    def in_words(self) -> str:
-        """As a line of the answer."""
+    def in_words(self, value: float, depth: Depth) -> str:
+        """As a line of the answer.  value: at the start, everything open."""
         if self.loss is None or self.longer_steps is None:
             return f"{self.name}: every way to the goal passes it"
-        longer = f"{self.longer_steps} steps longer" if self.longer_steps else "not longer"
-        return f"{self.name}: {self.loss:.3g} is lost without it; the shortest way is {longer} then"
+        if depth == Depth.NAMES:
+            return f"{self.name}: without it another way is left"
+        longer = f"{depth.at_numbers(f'{self.longer_steps} steps ')}longer" if self.longer_steps else "not longer"
+        if depth == Depth.NUMBERS:
+            return f"{self.name}: {self.loss:.3g} is lost without it; the shortest way is {longer} then"
+        felt = in_sign(self.loss, value, ("something is gained", "nothing is lost", "something is lost"))
+        return f"{self.name}: without it another way is left, {felt}, and the shortest way is {longer} then"
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON."""
@@ -42,7 +49,7 @@ class Loss:
 
 
 @dataclass(frozen=True)
-class WhichMatters:
+class WhichMatters(Answer):
     """The answer."""
 
     start: str
@@ -56,25 +63,26 @@ class WhichMatters:
     cut: tuple[str, ...]
     """Fewest doorways whose closing parts the start from the goal; none where both are in one region."""
 
-    def explain(self) -> str:
-        """In words, a line a fact."""
-        lines = [f"From {self.start} to {self.goal}, worth {self.value:.6g}:"]
-        lines += [loss.in_words() for loss in self.losses] or ["no single doorway or region matters"]
-        if self.cut:
+    def lines(self, depth: Depth) -> Iterator[str]:
+        """See Answer."""
+        first = depth.at_signs(", what matters most first") if len(self.losses) > 1 else ""
+        yield f"From {self.start} to {self.goal}{depth.at_numbers(f', worth {self.value:.6g}', first)}:"
+        if not self.losses:
+            yield "no single doorway or region matters"
+        yield from (loss.in_words(self.value, depth) for loss in self.losses)
+        if not self.cut:
+            yield "Start and goal are in the same region, so no doorway parts them."
+        elif depth == Depth.NUMBERS:
             doors = "doorway" if len(self.cut) == 1 else "doorways"
-            lines.append(
-                f"To cut the goal off, {len(self.cut)} {doors} must be closed at least: {', '.join(self.cut)}."
-            )
+            yield f"To cut the goal off, {len(self.cut)} {doors} must be closed at least: {', '.join(self.cut)}."
         else:
-            lines.append("Start and goal are in the same region, so no doorway parts them.")
-        return "\n".join(lines)
+            yield f"The goal is cut off with {', '.join(self.cut)} closed{depth.from_signs(', and with no fewer')}."
 
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON twin of ``explain``."""
+    def facts(self) -> dict[str, Any]:
+        """See Answer."""
         return {
             "question": "which-matters", "from": self.start, "to": self.goal, "value": self.value,
             "losses": [loss.to_dict() for loss in self.losses], "cut": list(self.cut),
-            "sentences": self.explain().splitlines(),
         }  # fmt: skip
 
 
@@ -99,7 +107,7 @@ def which_matters(model: HybridMDP, start: int, names: tuple[str, str]) -> Which
         its_doors = [door for door in model.regions.doorways if region in door.pair]
         closings.append((model.region_names[region], "region", its_doors))
     losses = [_loss(model, model.regions, start, (value, steps), *closing) for closing in closings]
-    felt = [loss for loss in losses if loss.loss is None or loss.longer_steps or loss.loss > 1e-9 * abs(value)]
+    felt = [loss for loss in losses if loss.loss is None or loss.longer_steps or loss.loss > ALIKE * abs(value)]
     felt.sort(key=lambda loss: (loss.loss is not None, -(loss.loss or 0.0), loss.kind, loss.name))
     return WhichMatters(
         *names,

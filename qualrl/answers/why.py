@@ -3,7 +3,7 @@
 S states, A actions.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.answers.account import Account, account_of_policy, account_of_walk
+from qualrl.answers.answer import ALIKE, Answer
+from qualrl.answers.depth import Depth
 from qualrl.answers.policy import best_policy
 from qualrl.answers.slope import Slope
 from qualrl.answers.through import ThroughWay, way_through
-from qualrl.answers.ways import Way, course, way_of
+from qualrl.answers.ways import Way, course, longer, way_of
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.choices import Chooser
 from qualrl.planning.crossings import door_taken
@@ -24,8 +26,6 @@ from qualrl.planning.values import exact_plan_values
 from qualrl.qualitative.plan_value import Contrast, contrast
 from qualrl.solving.exact import ExactValues, exact_values
 
-SMALL = 1e-9
-"""Differences below this share of a value are none."""
 FELT = 1e-3
 """Entries that differ by less than this share of the margin are put in words together."""
 
@@ -44,14 +44,14 @@ class Entry:
         """By which the best way is ahead here."""
         return self.best - self.other
 
-    def in_words(self) -> str:
+    def in_words(self, depth: Depth) -> str:
         """As a line of the answer."""
-        ahead = f"{abs(self.difference):.3g} {'for' if self.difference > 0 else 'against'} it"
-        return f"  {self.region}, {self.kind}: {self.best:.6g} beside {self.other:.6g}, {ahead}"
+        both = depth.at_numbers(f"{self.best:.6g} beside {self.other:.6g}, ")
+        return f"  {self.region}, {self.kind}: {both}{_ahead(self.difference, depth)}"
 
 
 @dataclass(frozen=True)
-class Why:
+class Why(Answer):
     """The answer."""
 
     at: str
@@ -70,37 +70,39 @@ class Why:
     contrast: Contrast | None
     """Of both ways for every gamma; None where moves slip, or there is only one."""
 
-    def explain(self) -> str:
-        """In words, a line a fact."""
-        place = f"{self.at}, at row {self.cell[0]}, column {self.cell[1]}"
-        lines = [
-            f"In {place}, the plan for {self.goal} is to {self.action}: {self.best.in_words()}, "
-            f"worth {self.best.value:.6g}."
-        ]
+    def lines(self, depth: Depth) -> Iterator[str]:
+        """See Answer."""
+        cell = depth.at_numbers(f", at row {self.cell[0]}, column {self.cell[1]}")
+        yield f"In {self.at}{cell}, the plan for {self.goal} is to {self.action}: {self.best.with_worth(depth)}."
         if self.other is None:
-            lines.append("No other doorway leads on from there, so there is nothing to choose.")
-            return "\n".join(lines)
+            yield "No other doorway leads on from there, so there is nothing to choose."
+            return
         margin = self.best.value - self.other.value
-        far = margin > SMALL * abs(self.best.value)
-        lines.append(
-            f"Next best is to {self.other_action}: {self.other.in_words()}, worth {self.other.value:.6g}, "
-            + (f"{margin:.3g} less." if far else "exactly as much.")
-        )
+        far = margin > ALIKE * abs(self.best.value)
+        less = depth.at_numbers(f"{margin:.3g} less" if far else "exactly as much", self.other.worth_beside(self.best))
+        less = depth.from_signs(f", {less}") + depth.at_signs(f"; {longer(self.other, self.best, depth)}")
+        yield f"Next best is to {self.other_action}: {self.other.with_worth(depth)}{less}."
+        if depth == Depth.NAMES:
+            return
         if far:
-            told = [entry for entry in self.entries if abs(entry.difference) > FELT * margin]
-            lines.append(f"The {margin:.3g} at gamma {self.gamma:g} is made up of:")
-            lines += [entry.in_words() for entry in told]
-            if len(told) < len(self.entries):
-                rest = sum(entry.difference for entry in self.entries[len(told) :])
-                lines.append(f"  elsewhere: {abs(rest):.3g} {'for' if rest > 0 else 'against'} it")
+            yield from self._made_up_of(margin, depth)
         if self.contrast is not None:
-            lines.append(f"Of these two ways, {self.contrast.in_words('the plan', 'the next best')}.")
+            words = self.contrast.in_words("the plan", "the next best", depth == Depth.NUMBERS)
+            yield f"Of these two ways, {words}."
         else:
-            lines.append("Which is better at another gamma is undecided: moves slip, so no formula of a way tells.")
-        return "\n".join(lines)
+            yield "Which is better at another gamma is undecided: moves slip, so no formula of a way tells."
 
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON twin of ``explain``, with the formulas and the certificate."""
+    def _made_up_of(self, margin: float, depth: Depth) -> Iterator[str]:
+        told = [entry for entry in self.entries if abs(entry.difference) > FELT * margin]
+        all_of_it = f"The {margin:.3g} at gamma {self.gamma:g} is made up of:"
+        yield depth.at_numbers(all_of_it, "What is for it and what against it, what matters most first:")
+        yield from (entry.in_words(depth) for entry in told)
+        rest = sum(entry.difference for entry in self.entries[len(told) :])
+        if len(told) < len(self.entries) and (depth == Depth.NUMBERS or abs(rest) > ALIKE * margin):
+            yield f"  elsewhere: {_ahead(rest, depth)}"
+
+    def facts(self) -> dict[str, Any]:
+        """See Answer; with the formulas and the certificate."""
         return {
             "question": "why", "at": self.at, "cell": list(self.cell), "to": self.goal, "gamma": self.gamma,
             "action": self.action, "best": self.best.to_dict(), "other_action": self.other_action,
@@ -110,8 +112,12 @@ class Why:
                 for of in self.entries
             ],
             "contrast": None if self.contrast is None else self.contrast.to_dict("best", "other"),
-            "sentences": self.explain().splitlines(),
         }  # fmt: skip
+
+
+def _ahead(difference: float, depth: Depth) -> str:
+    """By how much the best way is ahead."""
+    return depth.at_numbers(f"{abs(difference):.3g} ") + ("for it" if difference > 0 else "against it")
 
 
 def why(model: HybridMDP, start: int, goal: str, at: str | None) -> Why:

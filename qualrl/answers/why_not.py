@@ -1,11 +1,13 @@
 """Why a plan does not go by a given place: the best way that does, what it costs more, and where it would win."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from qualrl.answers.answer import ALIKE, Answer
+from qualrl.answers.depth import Depth
 from qualrl.answers.stops import way_by
-from qualrl.answers.ways import Way, course, more, way_of
+from qualrl.answers.ways import Way, course, longer, way_of
 from qualrl.errors import SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.planner import exact_walk
@@ -14,7 +16,7 @@ from qualrl.solving.exact import exact_values
 
 
 @dataclass(frozen=True)
-class WhyNot:
+class WhyNot(Answer):
     """The answer; everything that its sentences say stands in its fields."""
 
     start: str
@@ -29,37 +31,33 @@ class WhyNot:
     @property
     def is_by_itself(self) -> bool:
         """Whether the best way is as good as one by the stops, or is one."""
-        return self.best.value - self.by.value <= 1e-9 * abs(self.best.value)
+        return self.best.value - self.by.value <= ALIKE * abs(self.best.value)
 
-    def explain(self) -> str:
-        """In words, a line a fact."""
+    def lines(self, depth: Depth) -> Iterator[str]:
+        """See Answer."""
         stops = ", then ".join(self.stops)
-        lines = [
-            f"Best from {self.start} to {self.goal}: {self.best.in_words()}, worth {self.best.value:.6g}.",
-            f"Best by {stops}: {self.by.in_words()}, worth {self.by.value:.6g}.",
-        ]
+        yield f"Best from {self.start} to {self.goal}: {self.best.with_worth(depth)}."
+        yield f"Best by {stops}: {self.by.with_worth(depth)}."
+        if depth == Depth.NAMES:
+            return
+        at = depth.at_numbers(f" at gamma {self.gamma:g}")
         if self.is_by_itself:
-            lines.append(f"So going by {stops} costs nothing at gamma {self.gamma:g}.")
+            yield f"So going by {stops} costs nothing{at}."
         else:
-            lines.append(
-                f"Going by {stops} costs {self.best.value - self.by.value:.3g} at gamma {self.gamma:g}: "
-                f"{more(self.by.steps - self.best.steps, 'steps')} and "
-                f"{more(self.by.length_m - self.best.length_m, 'm', 2)}."
-            )
+            cost = depth.at_numbers(f"{self.best.value - self.by.value:.3g}", "something")
+            yield f"Going by {stops} costs {cost}{at}: {longer(self.by, self.best, depth)}."
         if self.contrast is None:
-            lines.append("For which other gamma it would pay is undecided: moves slip, so no formula of a way tells.")
+            yield "For which other gamma it would pay is undecided: moves slip, so no formula of a way tells."
         else:
-            words = self.contrast.in_words("the best way", f"the way by {stops}")
-            lines.append(f"Of these two ways, {words}.")
-        return "\n".join(lines)
+            words = self.contrast.in_words("the best way", f"the way by {stops}", depth == Depth.NUMBERS)
+            yield f"Of these two ways, {words}."
 
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON twin of ``explain``, with the formulas and the certificate."""
+    def facts(self) -> dict[str, Any]:
+        """See Answer; with the formulas and the certificate."""
         return {
             "question": "why-not", "from": self.start, "to": self.goal, "via": list(self.stops), "gamma": self.gamma,
             "best": self.best.to_dict(), "by": self.by.to_dict(), "costs": self.best.value - self.by.value,
             "contrast": None if self.contrast is None else self.contrast.to_dict("best", "by"),
-            "sentences": self.explain().splitlines(),
         }  # fmt: skip
 
 

@@ -1,12 +1,14 @@
 """Why a goal cannot be reached: the parts of the map with start and goal, what lies between, what would open it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from qualrl.answers.answer import Answer, named
 from qualrl.answers.blocked import Blocked, Crossing, Flags, Kinds, Way, least_obstacle
+from qualrl.answers.depth import Depth
 from qualrl.answers.openings import Opening, cleared, open_doorways, smaller_robot
 from qualrl.errors import SettingError
 from qualrl.kernels.grid import breadth_first
@@ -30,8 +32,10 @@ class Part:
     mask: Flags
     """(H, W) its cells."""
 
-    def in_words(self) -> str:
+    def in_words(self, depth: Depth) -> str:
         """Its regions and size."""
+        if depth != Depth.NUMBERS:
+            return named(self.regions, MOST_TOLD)
         more = len(self.regions) - MOST_TOLD
         told = ", ".join(self.regions[:MOST_TOLD]) + (f" and {more:,} more" if more > 0 else "")
         return f"{told} ({self.cells:,} cell{'' if self.cells == 1 else 's'}, {self.area_m2:.2f} m2)"
@@ -42,7 +46,7 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False)
-class WhyUnreachable:
+class WhyUnreachable(Answer):
     """The answer; everything that its sentences say stands in its fields."""
 
     start: str
@@ -70,49 +74,49 @@ class WhyUnreachable:
         """Whether there is a way after all."""
         return self.steps is not None
 
-    def explain(self) -> str:
-        """In words, a line a fact."""
+    def lines(self, depth: Depth) -> Iterator[str]:
+        """See Answer."""
         if self.steps is not None:
             least = " at least, as moves slip" if self.slips else ""
-            return (
-                f"{self.goal} can be reached from {self.start}: the shortest way takes {self.steps:,} "
-                f"step{'' if self.steps == 1 else 's'} ({self.length_m:.2f} m){least}."
+            shortest = (
+                f": the shortest way takes {self.steps:,} step{'' if self.steps == 1 else 's'} "
+                f"({self.length_m:.2f} m){least}"
             )
-        return "\n".join(
-            [
-                f"No way leads from {self.start} to {self.goal}.",
-                f"The start's part of the map: {self.parts[0].in_words()}.",
-                f"The goal's part of the map: {self.parts[1].in_words()}.",
-                *self._obstacle_lines(),
-                "A way would be opened by" if self.openings else "Nothing that was tried would open a way.",
-                *(f"- {opening.in_words()}" for opening in self.openings),
-                *self.notes,
-            ]
-        )
+            yield f"{self.goal} can be reached from {self.start}{depth.at_numbers(shortest)}."
+            return
+        yield f"No way leads from {self.start} to {self.goal}."
+        yield f"The start's part of the map: {self.parts[0].in_words(depth)}."
+        yield f"The goal's part of the map: {self.parts[1].in_words(depth)}."
+        yield from self._obstacle_lines(depth)
+        yield "A way would be opened by" if self.openings else "Nothing that was tried would open a way."
+        yield from (f"- {opening.in_words(depth)}" for opening in self.openings)
+        yield from self.notes if depth == Depth.NUMBERS else ()
 
-    def _obstacle_lines(self) -> list[str]:
+    def _obstacle_lines(self, depth: Depth) -> list[str]:
         """What is in the way."""
         doors = sum(place.door is not None for place in self.crossings)
-        counts = [self.obstacle.in_words()] * (self.obstacle != Kinds())
-        counts += [f"{doors} closed doorway{'' if doors == 1 else 's'}"] * (doors > 0)
-        least = f"In the way at least: {' and '.join(counts)}"
+        counts = [self.obstacle.in_words(depth)] * (self.obstacle != Kinds())
+        counted = f"{doors} closed doorway{'' if doors == 1 else 's'}"
+        counts += [depth.at_numbers(counted, counted.partition(" ")[2])] * (doors > 0)
+        least = f"In the way{depth.from_signs(' at least')}: {' and '.join(counts)}"
         if len(self.crossings) == 1:
             (place,) = self.crossings
-            return [f"{least}, {'' if place.door is None else f'{place.door}, '}{place.where()}."]
-        lines = [f"  {place.in_words()}" for place in self.crossings[:MOST_TOLD]]
+            return [f"{least}, {'' if place.door is None else f'{place.door}, '}{place.where(depth)}."]
+        lines = [f"  {place.in_words(depth)}" for place in self.crossings[:MOST_TOLD]]
         if len(self.crossings) > MOST_TOLD:
-            lines.append(f"  {len(self.crossings) - MOST_TOLD:,} places more")
-        return [f"{least}, in {len(self.crossings):,} places:", *lines]
+            lines.append(depth.at_numbers(f"  {len(self.crossings) - MOST_TOLD:,} places more", "  and other places"))
+        places = depth.at_numbers(f"{len(self.crossings):,} places", "several places")
+        return [f"{least}, in {places}:", *lines]
 
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON twin of ``explain``."""
+    def facts(self) -> dict[str, Any]:
+        """See Answer."""
         return {
             "question": "why-unreachable", "from": self.start, "to": self.goal, "reachable": self.is_reachable,
             "steps": self.steps, "length_m": self.length_m, "slips": self.slips,
             "parts": [part.to_dict() for part in self.parts],
             "obstacle": self.obstacle.to_dict(), "crossings": [place.to_dict() for place in self.crossings],
             "openings": [opening.to_dict() for opening in self.openings], "notes": list(self.notes),
-            "way": [list(cell) for cell in self.way], "sentences": self.explain().splitlines(),
+            "way": [list(cell) for cell in self.way],
         }  # fmt: skip
 
 

@@ -5,9 +5,10 @@ from typing import Annotated
 
 import typer
 
+from qualrl.answers.depth import Depth
 from qualrl.commands.console import Console, guarded
-from qualrl.commands.options import AsJson, Debug, Quiet
-from qualrl.commands.questions import From
+from qualrl.commands.options import AsJson, Debug, DepthOption, Quiet
+from qualrl.commands.questions import From, told
 
 
 @guarded
@@ -17,6 +18,7 @@ def how_sure(
     count: Annotated[
         bool, typer.Option("--count", help="Learn once more, to count visits, where the learner did not.")
     ] = False,
+    depth: DepthOption = Depth.NUMBERS,
     as_json: AsJson = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -34,4 +36,4 @@ def how_sure(
     with console.stage("solving exactly, to compare"):
         begin = farthest_start(training.model) if start is None and training.model.start is None else start
         answer = training.how_sure(begin, count=count)
-    console.result(answer.to_dict(), lambda: print(answer.explain()))
+    told(answer, console, depth)

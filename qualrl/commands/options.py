@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from qualrl.answers.depth import Depth
+
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors (and JSON, if asked).")]
 Debug = Annotated[bool, typer.Option("--debug", help="On an error, also show where in the program it arose.")]
@@ -37,5 +39,9 @@ ScenarioOrMap = Annotated[
 ]
 RobotRadius = Annotated[
     float | None, typer.Option("--robot-radius", metavar="METRES", help="Only where a robot of this radius fits.")
+]
+DepthOption = Annotated[
+    Depth,
+    typer.Option("--depth", help="How much to tell: places and their order, signs of amounts too, or numbers too."),
 ]
 PLACE = "a name, row,col in whole numbers, or x,y in metres with a decimal point"

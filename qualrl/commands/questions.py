@@ -1,30 +1,22 @@
 """What all questions to a plan share: a scenario's model, an answer in sentences, and its JSON twin."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
+from qualrl.answers.depth import Depth
 from qualrl.commands.console import PARSING, Console
 from qualrl.commands.options import PLACE
 
 if TYPE_CHECKING:
+    from qualrl.answers.answer import Answer
     from qualrl.models.hybrid_mdp import HybridMDP
 
 From = Annotated[str | None, typer.Option("--from", metavar="PLACE", help=f"Where to start: {PLACE}.")]
 
 
-class Answer(Protocol):
-    """An answer whose every number stands in its JSON twin."""
-
-    def explain(self) -> str:
-        """In words."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON."""
-
-
-Kind = TypeVar("Kind", bound=Answer)
+Kind = TypeVar("Kind", bound="Answer")
 
 
 def asked(
@@ -40,11 +32,13 @@ def asked(
         return model, ask(model)
 
 
-def told(answer: Answer, console: Console) -> None:
+def told(answer: "Answer", console: Console, depth: Depth) -> None:
     """Print an answer."""
-    console.result(answer.to_dict(), lambda: print(answer.explain()))
+    console.result(answer.to_dict(depth), lambda: print(answer.explain(depth)))
 
 
-def answered(source: str, settings: list[str] | None, console: Console, ask: "Callable[[HybridMDP], Answer]") -> None:
+def answered(
+    source: str, settings: list[str] | None, console: Console, depth: Depth, ask: "Callable[[HybridMDP], Answer]"
+) -> None:
     """Build a scenario's model, ask it, and print the answer."""
-    told(asked(source, settings, console, ask)[1], console)
+    told(asked(source, settings, console, ask)[1], console, depth)

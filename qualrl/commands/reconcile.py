@@ -4,8 +4,9 @@ from typing import Annotated
 
 import typer
 
+from qualrl.answers.depth import Depth
 from qualrl.commands.console import Console, guarded
-from qualrl.commands.options import AsJson, Debug, Quiet, ScenarioFile, Settings
+from qualrl.commands.options import AsJson, Debug, DepthOption, Quiet, ScenarioFile, Settings
 from qualrl.commands.questions import From, answered
 
 
@@ -17,6 +18,7 @@ def reconcile(
     ],
     start: From = None,
     settings: Settings = None,
+    depth: DepthOption = Depth.NUMBERS,
     as_json: AsJson = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -24,4 +26,4 @@ def reconcile(
     """Find the smallest change of the map under which the plan that you expect would be best."""
     from qualrl import questions
 
-    answered(source, settings, Console(as_json, quiet), lambda model: questions.reconcile(model, expect, start=start))
+    answered(source, settings, Console(as_json, quiet), depth, lambda model: questions.reconcile(model, expect, start))

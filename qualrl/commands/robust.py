@@ -4,8 +4,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from qualrl.answers.depth import Depth
 from qualrl.commands.console import Console, guarded
-from qualrl.commands.options import AsJson, Debug, Quiet, ScenarioFile, Settings
+from qualrl.commands.options import AsJson, Debug, DepthOption, Quiet, ScenarioFile, Settings
 from qualrl.commands.questions import From, answered
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ def robust(
     ways: Annotated[int, typer.Option("--ways", metavar="N", min=1, help="How many ways to compare at most.")] = 6,
     start: From = None,
     settings: Settings = None,
+    depth: DepthOption = Depth.NUMBERS,
     as_json: AsJson = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -51,7 +53,7 @@ def robust(
     doors = dict(_named("--chance", text) for text in chance or ())
     times = dict(_named("--time", text) for text in time or ())
     answered(
-        source, settings, Console(as_json, quiet),
+        source, settings, Console(as_json, quiet), depth,
         lambda model: questions.robust(
             model, start, doors={name: _chance("--chance", text) for name, text in doors.items()},
             times={name: _time(text) for name, text in times.items()},

@@ -1,7 +1,8 @@
 """``qualrl signs``: which way a plan's value goes when something about it grows."""
 
+from qualrl.answers.depth import Depth
 from qualrl.commands.console import Console, guarded
-from qualrl.commands.options import AsJson, Debug, Quiet, ScenarioFile, Settings
+from qualrl.commands.options import AsJson, Debug, DepthOption, Quiet, ScenarioFile, Settings
 from qualrl.commands.questions import From, answered
 
 
@@ -10,6 +11,7 @@ def signs(
     source: ScenarioFile,
     start: From = None,
     settings: Settings = None,
+    depth: DepthOption = Depth.NUMBERS,
     as_json: AsJson = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -17,4 +19,4 @@ def signs(
     """Tell the sign of the change of the plan's value with rewards, length, doorways' chances and gamma."""
     from qualrl import questions
 
-    answered(source, settings, Console(as_json, quiet), lambda model: questions.signs(model, start))
+    answered(source, settings, Console(as_json, quiet), depth, lambda model: questions.signs(model, start))

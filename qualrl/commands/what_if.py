@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
+from qualrl.answers.depth import Depth
 from qualrl.commands.console import PARSING, Console, guarded
-from qualrl.commands.options import AsJson, Debug, Quiet, ScenarioFile
+from qualrl.commands.options import AsJson, Debug, DepthOption, Quiet, ScenarioFile
 from qualrl.commands.questions import From, told
 
 
@@ -27,12 +28,14 @@ def what_if(
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change any setting, as learn.gamma=0.9.")
     ] = None,
     start: From = None,
+    depth: DepthOption = Depth.NUMBERS,
     as_json: AsJson = False,
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
     """Change something: the plan before and after, what that costs, and where it begins to matter."""
     from qualrl import questions
+    from qualrl.answers.changed_model import set_to
     from qualrl.commands.inputs import scenario_of
 
     console = Console(as_json, quiet)
@@ -46,8 +49,9 @@ def what_if(
         after = before if changed == scenario else changed.build(before.regions if _on_same_map(asked) else None)
     with console.stage("solving"):
         pair = None if opened is None else _pair(opened, before.region_names)
-        answer = questions.compared(before, after, start, tuple(asked), close=close or (), open=pair, chance=chance)
-    told(answer, console)
+        changes = tuple(set_to(setting.partition("=")[0].strip(), setting) for setting in asked)
+        answer = questions.compared(before, after, start, changes, close=close or (), open=pair, chance=chance)
+    told(answer, console, depth)
 
 
 def _on_same_map(settings: list[str]) -> bool:

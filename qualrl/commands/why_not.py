@@ -4,8 +4,9 @@ from typing import Annotated
 
 import typer
 
+from qualrl.answers.depth import Depth
 from qualrl.commands.console import Console, guarded
-from qualrl.commands.options import AsJson, Debug, Quiet, ScenarioFile, Settings
+from qualrl.commands.options import AsJson, Debug, DepthOption, Quiet, ScenarioFile, Settings
 from qualrl.commands.questions import From, answered
 
 
@@ -17,6 +18,7 @@ def why_not(
     ],
     start: From = None,
     settings: Settings = None,
+    depth: DepthOption = Depth.NUMBERS,
     as_json: AsJson = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -24,4 +26,4 @@ def why_not(
     """Compare the best way with the best one by some places: what that costs, and for which gamma it would win."""
     from qualrl import questions
 
-    answered(source, settings, Console(as_json, quiet), lambda model: questions.why_not(model, via, start=start))
+    answered(source, settings, Console(as_json, quiet), depth, lambda model: questions.why_not(model, via, start=start))

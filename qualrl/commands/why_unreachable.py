@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from qualrl.answers.depth import Depth
 from qualrl.commands.console import Console, guarded
-from qualrl.commands.options import AsJson, Debug, Quiet, ScenarioFile, Settings
+from qualrl.commands.options import AsJson, Debug, DepthOption, Quiet, ScenarioFile, Settings
 from qualrl.commands.questions import From, asked, told
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ def why_unreachable(
         Path | None, typer.Option("--output", "-o", metavar="DIR", help="Folder for a picture and the JSON document.")
     ] = None,
     settings: Settings = None,
+    depth: DepthOption = Depth.NUMBERS,
     as_json: AsJson = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -46,7 +48,7 @@ def why_unreachable(
         if folder is not None:
             with console.stage("drawing"):
                 _write(folder, model, answer)
-    told(answer, console)
+    told(answer, console, depth)
     if output and not as_json:
         console.result({}, lambda: print(f"The picture is {output / WHY_UNREACHABLE_FILES[0]}."))
     if not answer.is_reachable:

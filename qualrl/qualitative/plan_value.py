@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from qualrl.errors import SettingError
 from qualrl.qualitative.sign_intervals import SignIntervals, sign_intervals
+from qualrl.qualitative.signs import one_after_the_other
 
 if TYPE_CHECKING:
     import sympy
@@ -155,17 +156,20 @@ class Contrast:
         """Whether it is known of each number where two intervals meet that the two are worth the same there."""
         return all(self.signs.is_zero)
 
-    def in_words(self, first: str, second: str) -> str:
+    def in_words(self, first: str, second: str, has_numbers: bool = True) -> str:
         """The verdicts in one sentence; ``first`` and ``second`` say what to call the two."""
         verdicts = self.verdicts
+        every = "for every gamma in (0, 1)" if has_numbers else "for every gamma"
         if verdicts[0].sign == 0:
-            return f"for every gamma in (0, 1) {first} and {second} are worth the same: proved"
+            return f"{every} {first} and {second} are worth the same: proved"
         called = {1: first, -1: second}
         if len(verdicts) == 1:
-            return f"for every gamma in (0, 1) {called[verdicts[0].sign]} is worth more: proved"
-        spans = [f"{called[of.sign]} for gamma in ({of.low:.6g}, {of.high:.6g})" for of in verdicts]
+            return f"{every} {called[verdicts[0].sign]} is worth more: proved"
+        spans = ", ".join(f"{called[of.sign]} for gamma in ({of.low:.6g}, {of.high:.6g})" for of in verdicts)
+        if not has_numbers:
+            spans = one_after_the_other([called[of.sign] for of in verdicts], "gamma")
         last = "proved" if self.is_decided else "proved but where two intervals meet, which is undecided"
-        return f"worth more is {', '.join(spans)}: {last}"
+        return f"worth more is {spans}: {last}"
 
     def to_dict(self, first: str, second: str) -> dict[str, Any]:
         """As JSON, with formulas and certificate; ``first`` and ``second`` are the keys of the two."""

@@ -1,6 +1,6 @@
 """Sign algebra: what is known of a sum or a product by signs alone (-, 0, +, and ? where they leave it open)."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from enum import StrEnum
 
 
@@ -32,3 +32,10 @@ def sign_of_sum(signs: Iterable[Sign]) -> Sign:
     if not found:
         return Sign.ZERO
     return found.pop() if len(found) == 1 else Sign.UNKNOWN
+
+
+def one_after_the_other(words: Sequence[str], of: str) -> str:
+    """What is so on each of some intervals in order: "a for small gamma, then b, then c for large gamma"."""
+    if len(words) == 1:
+        return f"{words[0]} for every {of}"
+    return ", then ".join([f"{words[0]} for small {of}", *words[1:-1], f"{words[-1]} for large {of}"])
