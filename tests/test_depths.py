@@ -304,6 +304,12 @@ def test_all_answers_on_random_maps(data, free, motion):
     questions = qualrl.questions
     found = [questions.why(model), questions.signs(model), questions.envision(model), questions.summary(model)]
     found += [questions.which_matters(model), questions.what_if(model, gamma=0.7)]
+    doors = [door.name for door in regions.doorways]
+    if doors:
+        closed = data.draw(st.sampled_from(doors))
+        found += [questions.what_if(model, close=closed), questions.why_unreachable(model.with_closed(doors))]
+    if doors and not motion["slip"]:
+        found.append(questions.robust(model, doors={closed: (0.2, 0.9)}, times={"*": (1.0, 2.0)}))
     for answer in found:
         check_depths(answer, regions)
 

@@ -1,5 +1,7 @@
 """Answers at three depths about what is uncertain or learned; see ``test_depths``."""
 
+import re
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
