@@ -1,26 +1,19 @@
-"""Coverage looks at the project's Python, not at numba while it compiles."""
+"""Coverage looks at the project's Python where it says something new, for tracing doubles what a test costs.
 
-import functools
-import sys
-from collections.abc import Callable
-from typing import Any
+Not at numba while it compiles, and not at laws, whose examples go through the same lines again and again: what they
+run is run by tests of single cases, too.
+"""
 
-from numba.core.dispatcher import Dispatcher
+import pytest
+from hypothesis import is_hypothesis_test
 
+from tests import tracing
 
-def untraced(compile_for: Callable[..., Any]) -> Callable[..., Any]:
-    """The same without the trace function, which would be called millions of times for nothing and slow it by half."""
-
-    @functools.wraps(compile_for)
-    def run(*arguments: Any) -> Any:
-        trace = sys.gettrace()
-        sys.settrace(None)
-        try:
-            return compile_for(*arguments)
-        finally:
-            sys.settrace(trace)
-
-    return run
+tracing.not_while_numba_compiles()
 
 
-Dispatcher.compile = untraced(Dispatcher.compile)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Laws are run without coverage."""
+    for item in items:
+        if isinstance(item, pytest.Function) and is_hypothesis_test(item.obj):
+            item.add_marker(pytest.mark.no_cover)
