@@ -1,7 +1,7 @@
 """Coverage looks at the project's Python where it says something new, for tracing doubles what a test costs.
 
-Not at numba while it compiles, and not at laws, whose examples go through the same lines again and again: what they
-run is run by tests of single cases, too.
+Not at what others do, nor at laws, whose examples go through the same lines again and again: what they run is run by
+tests of single cases, too.
 """
 
 import pytest
@@ -10,6 +10,8 @@ from hypothesis import is_hypothesis_test
 from tests import tracing
 
 tracing.not_while_numba_compiles()
+tracing.not_while_a_picture_is_drawn()
+tracing.not_in_textbook_twins()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

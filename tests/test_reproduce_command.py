@@ -9,9 +9,21 @@ from typer.testing import CliRunner
 
 from qualrl import __version__
 from qualrl.commands.main import app
-from qualrl.studies.settings import STUDIES
+from qualrl.studies.settings import STUDIES, StudySettings, load_study
 
 VERDICTS = ("reproduced", "not reproduced", "depends on a reading (", "not measured")
+
+
+@pytest.fixture(autouse=True)
+def few_looks(monkeypatch):
+    """Studies as they are, but for how often a policy is judged on the way, which costs more than learning it."""
+
+    def seldom(name: str) -> StudySettings:
+        chosen = load_study(name)
+        budget = chosen.budget and chosen.budget.model_copy(update={"looks_per_tenfold": 2, "even_looks": 2})
+        return chosen.model_copy(update={"budget": budget})
+
+    monkeypatch.setattr("qualrl.studies.study.load_study", seldom)
 
 
 def reproduce(*arguments, expect=0):
