@@ -57,6 +57,7 @@ def test_each_figure_writes_whole_files(figure, tmp_path: Path):
     assert {path.name for path in target.parent.iterdir()} == {"out"}
 
 
+@pytest.mark.no_cover  # each study alone goes through the same lines
 def test_all_ends_with_one_table_over_all_figures(tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "160")
