@@ -41,7 +41,7 @@ def qualrl(*arguments, cwd, expect=0, **environment):
     """Run the command in a process of its own; return (stdout, stderr)."""
     done = subprocess.run(
         [sys.executable, str(ROOT / "cli.py"), *map(str, arguments)],
-        cwd=cwd, capture_output=True, text=True, timeout=300, env=os.environ | environment,
+        cwd=cwd, capture_output=True, text=True, timeout=300, env=tracing.environment_without() | environment,
     )  # fmt: skip
     assert done.returncode == expect, done.stderr
     if expect:
