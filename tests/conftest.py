@@ -1,26 +1,22 @@
-"""Coverage looks at the project's Python, not at numba while it compiles."""
+"""Coverage looks at the project's Python where it says something new, for tracing doubles what a test costs.
 
-import functools
-import sys
-from collections.abc import Callable
-from typing import Any
+Not at what others do, nor at laws, whose examples go through the same lines again and again, nor at the few tests of
+many or large cases that are marked ``no_cover``.  Nearly all that they run is run by tests of single cases, too; what
+is not (half a percent of all lines) counts as not covered, though it is tested.
+"""
 
-from numba.core.dispatcher import Dispatcher
+import pytest
+from hypothesis import is_hypothesis_test
 
+from tests import tracing
 
-def untraced(compile_for: Callable[..., Any]) -> Callable[..., Any]:
-    """The same without the trace function, which would be called millions of times for nothing and slow it by half."""
-
-    @functools.wraps(compile_for)
-    def run(*arguments: Any) -> Any:
-        trace = sys.gettrace()
-        sys.settrace(None)
-        try:
-            return compile_for(*arguments)
-        finally:
-            sys.settrace(trace)
-
-    return run
+tracing.not_while_numba_compiles()
+tracing.not_while_a_picture_is_drawn()
+tracing.not_in_textbook_twins()
 
 
-Dispatcher.compile = untraced(Dispatcher.compile)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Laws are run without coverage."""
+    for item in items:
+        if isinstance(item, pytest.Function) and is_hypothesis_test(item.obj):
+            item.add_marker(pytest.mark.no_cover)

@@ -1,4 +1,8 @@
-"""The command as a user meets it: in processes of its own, on files of its own."""
+"""The command as a user meets it, on files of its own.
+
+In a process of its own where that may tell: each exit code, each kind of command, signals, the same bytes twice.
+The rest is asked of the command in this process (``command_here``), for a process takes seconds to start.
+"""
 
 import itertools
 import json
@@ -15,8 +19,10 @@ import networkx as nx
 import numpy as np
 import pytest
 import yaml
+from typer.testing import CliRunner
 
-from tests import command_here
+from qualrl.commands.main import app
+from tests import command_here, tracing
 from tests.worlds import PUZZLE, TWO_ROOMS
 
 ROOT = Path(__file__).parent.parent
@@ -32,10 +38,10 @@ learn:
 
 
 def qualrl(*arguments, cwd, expect=0, **environment):
-    """Run the command; return (stdout, stderr)."""
+    """Run the command in a process of its own; return (stdout, stderr)."""
     done = subprocess.run(
         [sys.executable, str(ROOT / "cli.py"), *map(str, arguments)],
-        cwd=cwd, capture_output=True, text=True, timeout=300, env=os.environ | environment,
+        cwd=cwd, capture_output=True, text=True, timeout=300, env=tracing.environment_without() | environment,
     )  # fmt: skip
     assert done.returncode == expect, done.stderr
     if expect:
@@ -91,8 +97,8 @@ def test_run_does_all_of_it(here):
 
 def test_the_same_command_gives_the_same_bytes_of_plan(here):
     qualrl("run", "rooms.scenario.yaml", "-o", "first", cwd=here)
-    qualrl("run", "rooms.scenario.yaml", "-o", "deep/second", cwd=here)
-    qualrl("run", "first/scenario.yaml", "-o", "third", cwd=here)
+    command_here.qualrl("run", "rooms.scenario.yaml", "-o", "deep/second", cwd=here)  # strings hash otherwise here
+    command_here.qualrl("run", "first/scenario.yaml", "-o", "third", cwd=here)
     plan = (here / "first/plan.json").read_bytes()
     assert (here / "deep/second/plan.json").read_bytes() == plan
     assert (here / "third/plan.json").read_bytes() == plan
@@ -123,13 +129,13 @@ def test_convert_writes_files_that_other_tools_read(here):
     assert door["cells"] == [[4, 9]]
     assert door["width_m"] == pytest.approx(1.0)
     assert set(document["landmarks"][0]) >= {"name", "kind", "cell"}
-    ready, _ = qualrl("run", "out/scenario.yaml", "-o", "ran", "--json", cwd=here)
+    ready, _ = command_here.qualrl("run", "out/scenario.yaml", "-o", "ran", "--json", cwd=here)
     assert json.loads(ready)["plan"]["places"] == ["room A", "room B"]
 
 
 def test_show_tells_the_same_of_map_and_scenario(here):
-    of_map = json.loads(qualrl("show", "rooms.yaml", "--json", cwd=here)[0])
-    of_scenario = json.loads(qualrl("show", "rooms.scenario.yaml", "--json", cwd=here)[0])
+    of_map = json.loads(command_here.qualrl("show", "rooms.yaml", "--json", cwd=here)[0])
+    of_scenario = json.loads(command_here.qualrl("show", "rooms.scenario.yaml", "--json", cwd=here)[0])
     assert [region["name"] for region in of_map["regions"]] == ["room A", "room B"]
     assert [region["name"] for region in of_scenario["regions"]] == ["kitchen", "room B"]
     (door,) = of_map["doorways"]
@@ -148,7 +154,8 @@ def test_show_tells_the_same_of_map_and_scenario(here):
 
 def test_route_tells_the_way_from_region_to_region(here):
     told, _ = qualrl("route", "rooms.yaml", "--from", "room A", "--to", "room B", cwd=here)
-    way = json.loads(qualrl("route", "rooms.yaml", "--from", "room A", "--to", "room B", "--json", cwd=here)[0])
+    asked = "route", "rooms.yaml", "--from", "room A", "--to", "room B", "--json"
+    way = json.loads(command_here.qualrl(*asked, cwd=here)[0])
     assert way["regions"] == ["room A", "room B"]
     assert way["doors"] == ["door 1"]
     assert told.splitlines()[0] == f"from room A to room B: {way['steps']} steps, {way['length_m']:.2f} m"
@@ -157,7 +164,7 @@ def test_route_tells_the_way_from_region_to_region(here):
         assert abs(row - after_row) + abs(column - after_column) == 1
     assert len(way["path"]) == way["steps"] + 1
     asked = "route", "rooms.scenario.yaml", "--from", "kitchen", "--to", "room B", "--json"
-    named = json.loads(qualrl(*asked, cwd=here)[0])
+    named = json.loads(command_here.qualrl(*asked, cwd=here)[0])
     assert named["doors"] == ["red door"]
     assert named["steps"] == way["steps"]
 
@@ -180,8 +187,8 @@ def test_show_lists_wings(here):
     rooms = ["#" + 8 * ("." * 12 + "#")] * 13 + ["#" + 8 * "#####..######"]
     corridors = ["#" + "." * 51 + middle + "." * 51 + "#" for middle in "##..#"]
     draw(here, "wings", "\n".join(["#" * 105, *rooms, *corridors, "#" * 105]), 0.3)
-    wings = [line for line in qualrl("show", "wings.yaml", cwd=here)[0].splitlines() if line.startswith("wing ")]
-    assert wings == [
+    told, _ = command_here.qualrl("show", "wings.yaml", cwd=here)
+    assert [line for line in told.splitlines() if line.startswith("wing ")] == [
         "wing A: room A, room C, room E, room G, corridor 1",
         "wing B: room B, room D, room F, room H, corridor 2",
     ]
@@ -195,10 +202,10 @@ def test_learn_then_plan_from_its_folder(here):
     assert document["settings"]["alpha"] == 0.25
     learned = json.loads(qualrl("plan", "out", "--json", cwd=here)[0])
     assert learned["source"] == "q-learning"
-    exact = json.loads(qualrl("plan", "out", "--exact", "--json", cwd=here)[0])
+    exact = json.loads(command_here.qualrl("plan", "out", "--exact", "--json", cwd=here)[0])
     assert exact["source"] == "exact"
     assert exact["length_steps"] == learned["length_steps"]
-    back = json.loads(qualrl("plan", "out", "--from", "room B", "--to", "kitchen", "--json", cwd=here)[0])
+    back = json.loads(command_here.qualrl("plan", "out", "--from", "room B", "--to", "kitchen", "--json", cwd=here)[0])
     assert back["places"] == ["room B", "kitchen"]
     assert back["source"] == "exact"
 
@@ -206,19 +213,19 @@ def test_learn_then_plan_from_its_folder(here):
 def test_places_are_names_landmarks_metres_or_cells(here):
     # origin 1, 2 and 9 rows of 1 m: the centre of row 4, column 9 is x = 10.5, y = 2 + 4.5
     for place in ("4,9", "10.5,6.5", "door 1"):
-        out, err = qualrl("plan", "rooms.scenario.yaml", "--from", place, "--set", "names={}", "--set",
-                          "start=room A", "--json", cwd=here)  # fmt: skip
+        asked = "plan", "rooms.scenario.yaml", "--from", place, "--set", "names={}", "--set", "start=room A", "--json"
+        out, err = command_here.qualrl(*asked, cwd=here)
         assert json.loads(out)["path"][0] == [4, 9]
         assert "nothing has been learned" in err
 
 
 def test_quiet_says_nothing_and_json_goes_nowhere_else(here):
-    out, err = qualrl("run", "rooms.scenario.yaml", "-o", "out", "--quiet", cwd=here)
+    out, err = command_here.qualrl("run", "rooms.scenario.yaml", "-o", "out", "--quiet", cwd=here)
     assert (out, err) == ("", "")
 
 
 def test_schema_accepts_the_bundled_scenarios_and_refuses_others(here):
-    schema = json.loads(qualrl("schema", "--json", cwd=here)[0])
+    schema = json.loads(command_here.qualrl("schema", "--json", cwd=here)[0])
     jsonschema.Draft202012Validator.check_schema(schema)
     for file in sorted((ROOT / "maps").glob("*.scenario.yaml")):
         jsonschema.validate(yaml.safe_load(file.read_text()), schema)
@@ -227,8 +234,8 @@ def test_schema_accepts_the_bundled_scenarios_and_refuses_others(here):
 
 
 def test_bundled_scenarios_are_found_by_name(here):
-    by_name = json.loads(qualrl("show", "puzzle", "--json", cwd=here)[0])
-    by_path = json.loads(qualrl("show", ROOT / "maps/puzzle.scenario.yaml", "--json", cwd=here)[0])
+    by_name = json.loads(command_here.qualrl("show", "puzzle", "--json", cwd=here)[0])
+    by_path = json.loads(command_here.qualrl("show", ROOT / "maps/puzzle.scenario.yaml", "--json", cwd=here)[0])
     assert by_name["regions"] == by_path["regions"]
 
 
@@ -280,7 +287,7 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(here, expected):
 
 def test_every_mistake_in_a_scenario_is_told_at_once(here):
     (here / "bad.yaml").write_text("map: 7\ngaol: room B\nlearn:\n  gamma: 1.5\n  alpha: fast\n")
-    _, err = qualrl("run", "bad.yaml", cwd=here, expect=2)
+    _, err = command_here.qualrl("run", "bad.yaml", cwd=here, expect=2)
     assert [line for line in ("bad.yaml:1:", "bad.yaml:2:1", "bad.yaml:4:", "bad.yaml:5:") if line not in err] == []
     assert "did you mean 'goal'" in err
 
@@ -293,7 +300,7 @@ def test_no_plan_is_exit_code_1_and_leaves_no_folder(here):
     assert not (here / "out").exists()
 
 
-def test_our_fault_is_exit_code_3_and_debug_shows_where(here, tmp_path):
+def test_our_fault_is_exit_code_3_and_debug_shows_where(here, tmp_path, monkeypatch):
     plant = tmp_path / "sitecustomize.py"
     plant.write_text(
         "import sys\nclass Broken:\n    def find_spec(self, name, *rest):\n"
@@ -302,12 +309,11 @@ def test_our_fault_is_exit_code_3_and_debug_shows_where(here, tmp_path):
     )
     _, err = qualrl("show", "rooms.yaml", cwd=here, expect=3, PYTHONPATH=str(tmp_path))
     assert "our fault: RuntimeError: planted" in err
-    done = subprocess.run(
-        [sys.executable, ROOT / "cli.py", "show", "rooms.yaml", "--debug"], cwd=here, capture_output=True, text=True,
-        env=os.environ | {"PYTHONPATH": str(tmp_path)}, check=False,
-    )  # fmt: skip
-    assert done.returncode == 3
+    monkeypatch.setitem(sys.modules, "qualrl.commands.documents", None)
+    done = CliRunner().invoke(app, ["show", str(here / "rooms.yaml"), "--debug"])
+    assert done.exit_code == 3
     assert "Traceback" in done.stderr
+    assert "our fault: ModuleNotFoundError" in done.stderr
 
 
 def test_output_is_never_half_written(here):
@@ -318,21 +324,22 @@ def test_output_is_never_half_written(here):
     assert not [name for name in os.listdir(here) if name.endswith(".part")]
 
 
-def test_names_from_a_scenario_cannot_leave_the_folder_or_break_markup(here):
+def test_names_from_a_scenario_cannot_leave_the_folder_or_break_markup(here, monkeypatch):
     nasty = "<script>[bold]../../x\\ \" '"
     text = SCENARIO.replace("kitchen", json.dumps(nasty)).replace("start: room A", f"start: {json.dumps(nasty)}")
     (here / "nasty.yaml").write_text(text)
-    document = json.loads(qualrl("run", "nasty.yaml", "-o", "out", "--json", cwd=here)[0])
+    monkeypatch.setenv("COLUMNS", "200")
+    document = json.loads(command_here.qualrl("run", "nasty.yaml", "-o", "out", "--json", cwd=here)[0])
     assert document["plan"]["places"][0] == nasty
-    assert nasty in qualrl("show", "nasty.yaml", cwd=here, COLUMNS="200")[0]
+    assert nasty in command_here.qualrl("show", "nasty.yaml", cwd=here)[0]
     assert nasty in nx.read_graphml(here / "out/graph.graphml")
     assert sorted(os.listdir(here)) == ["nasty.yaml", "out", "rooms.png", "rooms.scenario.yaml", "rooms.yaml"]
 
 
 def test_results_of_an_earlier_command_do_not_mix_with_new_ones(here):
-    qualrl("run", "rooms.scenario.yaml", "-o", "out", cwd=here)
+    command_here.qualrl("run", "rooms.scenario.yaml", "-o", "out", cwd=here)
     (here / "out" / "mine.txt").write_text("kept")
-    qualrl("convert", "rooms.yaml", "-o", "out", cwd=here)
+    command_here.qualrl("convert", "rooms.yaml", "-o", "out", cwd=here)
     left = set(os.listdir(here / "out"))
     assert "mine.txt" in left
     assert not left & {"training.npz", "learn.json", "learning_curve.png", "plan.json"}
@@ -340,7 +347,8 @@ def test_results_of_an_earlier_command_do_not_mix_with_new_ones(here):
 
 def test_conflicts_in_the_output_folder_are_told_before_learning(here):
     (here / "out" / "plan.json").mkdir(parents=True)
-    _, err = qualrl("run", "rooms.scenario.yaml", "-o", "out", "--episodes", 9_000_000, cwd=here, expect=2)
+    asked = "run", "rooms.scenario.yaml", "-o", "out", "--episodes", 9_000_000
+    _, err = command_here.qualrl(*asked, cwd=here, expect=2)
     assert "holds a folder 'plan.json'" in err
 
 
@@ -379,8 +387,9 @@ SEEDS = LEARNING.replace("train(puzzle, algorithm", "train_seeds(puzzle, 9, algo
 def test_ctrl_c_is_answered_at_once(work):
     """Both would go on for a while; what they need is compiled before they say that they are at it."""
     with subprocess.Popen(
-        [sys.executable, "-c", "import qualrl\n" + work], cwd=ROOT, text=True, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        [sys.executable, "-c", "import qualrl\n" + work], cwd=ROOT, text=True, env=tracing.environment_without(),
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     ) as process:  # fmt: skip
         assert process.stdout.readline() == "at it\n"
         with pytest.raises(subprocess.TimeoutExpired):

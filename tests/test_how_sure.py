@@ -97,6 +97,7 @@ RUNS = [
 ]
 
 
+@pytest.mark.no_cover
 def test_every_number_is_that_of_the_textbook():
     seen = set()
     for algorithm, settings, slip, directions in RUNS:

@@ -1,7 +1,6 @@
 """Levels above the regions: wings and floors, their files, and the fold on any of them."""
 
 import json
-import os
 import subprocess
 import sys
 
@@ -19,6 +18,7 @@ from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.models.levels import Grouping, wings_of
 from qualrl.solving.fold import fold
 from qualrl.solving.theorem1 import audit_theorem1
+from tests import tracing
 from tests.small_worlds import tables
 from tests.worlds import TWO_ROOMS, free_masks, grid_of
 
@@ -81,7 +81,7 @@ def test_wings_are_the_same_in_another_process(building, tmp_path):
     for seed in ("1", "2"):
         done = subprocess.run(
             [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True,
-            env=os.environ | {"PYTHONHASHSEED": seed},
+            env=tracing.environment_without() | {"PYTHONHASHSEED": seed},
         )  # fmt: skip
         assert done.stdout.strip() == str(building.coarser)
 

@@ -174,7 +174,7 @@ def pieces(zones, contacts):
     return graph
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=80)
 @given(ZONES.map(numbered).filter(lambda image: image.max() >= 0), SEEDS, st.sampled_from([-9, 0, 0.5, 9]),
        st.sampled_from([0.0, 0.2, 1.0, 9.0]))  # fmt: skip
 def test_merging_is_the_textbook_one(image, seed, least_odds, min_area):

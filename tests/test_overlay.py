@@ -195,6 +195,7 @@ def test_kinds_that_nobody_has_heard_of_are_drawn_too():
     assert {"pillar", "atrium 0", "atrium 1"} <= words
 
 
+@pytest.mark.no_cover
 def test_hundreds_of_small_regions_are_no_heap_of_text():
     regions = qualrl.segment(chessboard(30))
     assert len(regions.regions) > 800

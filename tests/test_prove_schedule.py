@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from qualrl.commands.main import app
 from qualrl.commands.prove import COUNTERS, _show
+from tests import tracing
 
 ROOT = Path(__file__).parent.parent
 SCENARIO = "map: nowhere.png\ngoal: [1, 1]\nlearn: {{algorithm: {algorithm}, alpha: {alpha}, eta_counter: {counter}}}\n"
@@ -32,7 +33,7 @@ def scenario(folder, algorithm="hql", alpha="0.05", counter="run"):
 def test_a_formula_in_a_process_of_its_own():
     done = subprocess.run(
         [sys.executable, ROOT / "cli.py", "prove", "schedule", "1/(1+k)**0.6"], capture_output=True, text=True,
-        check=False,
+        check=False, env=tracing.environment_without(),
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
     assert "sum of alpha_k = infinity: holds" in done.stdout

@@ -1,17 +1,15 @@
 """What the README shows is what happens: its Python runs, its commands print what it says they print."""
 
 import doctest
-import os
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 import yaml
 
 from qualrl.io.scenario import Scenario
+from tests import command_here
 
 ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -31,15 +29,12 @@ def test_python_blocks_run(capsys, monkeypatch):
 
 
 @pytest.mark.parametrize("block", blocks("console"))
-def test_commands_print_what_is_shown(block, tmp_path):
+def test_commands_print_what_is_shown(block, tmp_path, monkeypatch):
     command, expected = block.split("\n", 1)
     assert command.startswith("$ qualrl ")
-    done = subprocess.run(
-        [sys.executable, str(ROOT / "cli.py"), *shlex.split(command)[2:]],
-        cwd=tmp_path, capture_output=True, text=True, env=os.environ | {"COLUMNS": "100"}, check=False,
-    )  # fmt: skip
-    same = doctest.OutputChecker().check_output(expected, done.stdout + done.stderr, doctest.ELLIPSIS)
-    assert same, done.stdout + done.stderr
+    monkeypatch.setenv("COLUMNS", "100")
+    told = "".join(command_here.qualrl(*shlex.split(command)[2:], cwd=tmp_path, expect=None))
+    assert doctest.OutputChecker().check_output(expected, told, doctest.ELLIPSIS), told
 
 
 def test_the_scenario_shown_is_valid():

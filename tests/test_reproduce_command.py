@@ -9,9 +9,21 @@ from typer.testing import CliRunner
 
 from qualrl import __version__
 from qualrl.commands.main import app
-from qualrl.studies.settings import STUDIES
+from qualrl.studies.settings import STUDIES, StudySettings, load_study
 
 VERDICTS = ("reproduced", "not reproduced", "depends on a reading (", "not measured")
+
+
+@pytest.fixture(autouse=True)
+def few_looks(monkeypatch):
+    """Studies as they are, but for how often a policy is judged on the way, which costs more than learning it."""
+
+    def seldom(name: str) -> StudySettings:
+        chosen = load_study(name)
+        budget = chosen.budget and chosen.budget.model_copy(update={"looks_per_tenfold": 2, "even_looks": 2})
+        return chosen.model_copy(update={"budget": budget})
+
+    monkeypatch.setattr("qualrl.studies.study.load_study", seldom)
 
 
 def reproduce(*arguments, expect=0):
@@ -45,6 +57,7 @@ def test_each_figure_writes_whole_files(figure, tmp_path: Path):
     assert {path.name for path in target.parent.iterdir()} == {"out"}
 
 
+@pytest.mark.no_cover  # each study alone goes through the same lines
 def test_all_ends_with_one_table_over_all_figures(tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "160")

@@ -49,6 +49,7 @@ def shortest(routes: Routes, goal) -> np.ndarray:
     return found
 
 
+@pytest.mark.no_cover
 @pytest.mark.parametrize("walked", [0, 20_000_000])
 @pytest.mark.parametrize("style", ["drawn", "furnished", "scanned"])
 def test_ways_on_floor_plans_are_walks_and_hardly_longer(style, walked, monkeypatch):

@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from qualrl.kernels import linking
 from qualrl.learning.relevant import on_closed_ways
+from tests import tracing
 
 HEAVY = ("scipy.linalg", "scipy.sparse", "networkx", "sympy", "matplotlib", "qualrl.learning.hierarchical")
 LEARN = """
@@ -55,7 +56,9 @@ print(own.counted(np.int8(1))[0].sum() if {more} else 2.0)
 
 
 def output_of(code: str) -> list[str]:
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=tracing.environment_without()
+    )
     return done.stdout.split("\n")[:-1]
 
 

@@ -33,7 +33,7 @@ from qualrl.studies.settings import Budget, load_study
 from qualrl.studies.study import prepared, run_study
 from qualrl.studies.taxi.score import TaxiCourse, greedy_actions, mean_return, obeying
 
-BUDGET = Budget(world="taxi", steps=2000, first=500, within=0.01)
+BUDGET = Budget(world="taxi", steps=2000, first=500, looks_per_tenfold=4, even_looks=4, within=0.01)
 
 
 def outcomes(table: TabularMDP, state: int, action: int) -> list[tuple[float, int, float]]:

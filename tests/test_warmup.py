@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 from qualrl.learning.rules import RULES
 
@@ -12,6 +13,9 @@ from numba.core.dispatcher import Dispatcher
 import qualrl.kernels
 from typer.testing import CliRunner
 from qualrl.commands.main import app
+from tests import tracing
+
+tracing.not_while_numba_compiles()
 
 def compiled():
     names = [module.name for module in pkgutil.iter_modules(qualrl.kernels.__path__)]
@@ -37,7 +41,7 @@ def compiled_later(folder, *calls, warmed="warmed"):
     """How many loops were compiled before, and which the calls of the command compile then."""
     done = subprocess.run(
         [sys.executable, "-c", COUNTED, str(folder / "out"), warmed, *calls],
-        capture_output=True, text=True, timeout=600,
+        cwd=Path(__file__).parent.parent, capture_output=True, text=True, timeout=600,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     count, later = done.stdout.split(" ", 1)
