@@ -44,18 +44,19 @@ class Training(LearningRun):
         state, name = start_of(self.model, start)
         return plan_from_run(self, state, (name, goal_name(self.model)))
 
-    def how_sure(self, start: PlaceLike | None = None, *, count: bool = False) -> "HowSure":
+    def how_sure(self, start: PlaceLike | None = None, *, count: bool = False, seeds: int = 0) -> "HowSure":
         """What was learned beside exact values, and whether the order of the two best actions is settled.
 
-        count: learn once more, with the same seed, to count visits where the learner did not.
+        count: learn once more, with the same seed, to count visits where the learner did not.  seeds: learn with so
+        many other seeds, to see whether they learn the same.
         Raises NoPlanError when no way leads from the start (by default the model's own) to the goal, and SettingError
-        where visits cannot be counted.
+        where visits cannot be counted, or other seeds would say nothing.
         """
         from qualrl.answers.how_sure import how_sure
         from qualrl.learning.counting import visits_again
 
         counted = replace(self, visits=visits_again(self)) if count and self.visits is None else self
-        return how_sure(counted, *start_of(self.model, start))
+        return how_sure(counted, *start_of(self.model, start), seeds)
 
 
 def build(

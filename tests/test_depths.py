@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import qualrl
 from qualrl.answers import reconcile
+from qualrl.answers.answer import SURELY
 from qualrl.answers.depth import Depth
 from qualrl.errors import NoPlanError, SettingError
 from qualrl.qualitative.plan_value import Course, Stretch, contrast
@@ -207,7 +208,7 @@ def test_envision(ends, motion):
         bounds = [(of["least"], of["most"]) for of in branches]
         assert len(kinds) == len(bounds)
         for kind, (least, _) in zip(kinds, bounds, strict=True):
-            assert kind == ("certain" if least > 1 - 1e-11 else "likely" if least > 0.5 else "possible")
+            assert kind == ("certain" if least >= SURELY else "likely" if least > 0.5 else "possible")
 
 
 @settings(deadline=None, max_examples=30)

@@ -16,6 +16,7 @@ from qualrl.learning.counting import visits_again
 from qualrl.learning.settings import LearnSettings
 from qualrl.learning.trainer import start_learner
 from qualrl.models.tabular_mdp import TabularMDP
+from qualrl.qualitative.from_counts import Counts
 from tests import oracles
 from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
@@ -260,3 +261,54 @@ def test_folders_without_a_training_are_refused_in_one_line(folder):
         training_in(folder / "old", model_in(folder / "out"))
     with pytest.raises(MapError, match="another model"):
         training_in(folder / "out", model_of())
+
+
+@pytest.mark.parametrize("slip", [0.0, 0.2])
+def test_other_seeds_are_runs_of_their_own(slip):
+    """Each run learned again here, and its way followed by hand."""
+    model = model_of(slip=slip)
+    run = qualrl.train(model, "q-learning", episodes=60, alpha=0.2, epsilon=0.3, seed=4)
+    found = run.how_sure(seeds=3)
+    exact, goal = textbook(model), model.grid.goal
+    runs = [qualrl.train(model, "q-learning", episodes=60, alpha=0.2, epsilon=0.3, seed=seed) for seed in (4, 5, 6, 7)]
+    arrived, optimal = 0, 0
+    for other in runs:
+        state, walk = model.start, []
+        while state != goal and state not in walk:
+            walk.append(state)
+            state = int(model.grid.successor[state, int(other.q[state].argmax())])
+        arrived += state == goal
+        right = [exact[at][int(other.q[at].argmax())] > max(exact[at]) - 1e-7 for at in walk]
+        optimal += state == goal and all(right)
+    assert found.others.seeds == (4, 5, 6, 7)
+    assert (found.others.arrives.runs, found.others.optimal.runs) == (arrived, optimal)
+    errors = [abs(other.q[model.start].max() - max(exact[model.start])) for other in runs]
+    assert found.others.errors == pytest.approx(errors, abs=1e-6)
+    assert found.others.arrives.interval == Counts(arrived, 4).interval(0.95)
+    for region, share in found.others.regions:
+        entered = next(state for state in walk_of(runs[0]) if model.region_names[model.region_of[state]] == region)
+        right = [exact[entered][int(other.q[entered].argmax())] > max(exact[entered]) - 1e-7 for other in runs]
+        assert share.runs == sum(right)
+    said = found.explain()
+    assert "Learned with other seeds too: 4 runs, seeds 4 to 7." in said
+    assert "This is one run" not in said
+    assert "runs" in found.explain("signs")
+
+
+def walk_of(run):
+    state, goal, walk = run.model.start, run.model.grid.goal, []
+    while state != goal and state not in walk:
+        walk.append(state)
+        state = int(run.model.grid.successor[state, int(run.q[state].argmax())])
+    return walk
+
+
+def test_where_other_seeds_would_say_nothing_it_is_refused():
+    model = model_of()
+    with pytest.raises(SettingError, match="other seeds must be 1 or more"):
+        qualrl.train(model, "hql", episodes=2).how_sure(seeds=-1)
+    with pytest.raises(SettingError, match="chooses nothing"):
+        qualrl.train(model, "td", episodes=2).how_sure(seeds=2)
+    changed = qualrl.train(model, "hql", episodes=4, changes=[Change(2, "door 1")])
+    with pytest.raises(SettingError, match="whose world changed"):
+        changed.how_sure(seeds=2)

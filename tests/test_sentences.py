@@ -10,7 +10,7 @@ import pytest
 
 import qualrl
 from qualrl.answers.envision import SELDOM
-from qualrl.answers.how_sure import ORDERS
+from qualrl.answers.sureness import ORDERS
 from qualrl.qualitative.from_counts import Counts, Samples
 from tests.test_planning import LOOP
 from tests.worlds import grid_of
@@ -51,6 +51,7 @@ QUESTIONS = {
     "summary, slips": lambda: ASK.summary(SLIPPERY),
     "how sure": lambda: trained("hql").how_sure(count=True),
     "how sure, uncounted": lambda: trained("sarsa").how_sure(),
+    "how sure, seeds": lambda: trained("hql").how_sure(seeds=5),
     "robust": lambda: ASK.robust(PLAIN, doors={FIRST: (0.2, 0.9)}, times={"*": (1.0, 1.25)}),
     "robust, counted": lambda: ASK.robust(PLAIN, doors={FIRST: Counts(6, 9)}, times={"*": Samples((1.0, 1.25, 2.5))}),
     "robust, slips": lambda: ASK.robust(PLAIN, slip=(0.05, 0.4)),

@@ -19,6 +19,9 @@ def how_sure(
         bool, typer.Option("--count", help="Learn once more, to count visits, where the learner did not.")
     ] = False,
     depth: DepthOption = Depth.NUMBERS,
+    seeds: Annotated[
+        int, typer.Option("--seeds", metavar="N", min=0, help="Learn with N other seeds, to see whether they agree.")
+    ] = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -35,5 +38,5 @@ def how_sure(
         training = training_in(folder, model_in(folder))
     with console.stage("solving exactly, to compare"):
         begin = farthest_start(training.model) if start is None and training.model.start is None else start
-        answer = training.how_sure(begin, count=count)
+        answer = training.how_sure(begin, count=count, seeds=seeds)
     told(answer, console, depth)
