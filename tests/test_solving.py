@@ -184,3 +184,21 @@ def test_table_refuses_what_is_no_mdp(change, what):
     TabularMDP(**good)
     with pytest.raises(SettingError, match=what):
         TabularMDP(**(good | change))
+
+
+@given(
+    st.data(), free_masks(side=7, connected=False), st.sampled_from([4, 8]), st.sampled_from([0.0, 0.2, 0.6]),
+    st.sampled_from([0.5, 0.9, 0.99]), st.sampled_from([1e-9, 1e-3, 0.1, 3.0, 1e9]),
+)  # fmt: skip
+@settings(max_examples=60, deadline=None)
+def test_no_value_is_off_by_more_than_the_error_asked_for(data, free, directions, slip, gamma, error):
+    world = GridWorld(free, data.draw(goals(free)), gamma, slip, directions)
+    whole = exact_values(world).value
+    assert np.abs(exact_values(world, error).value - whole).max() <= error + 1e-9
+    assert np.abs(exact_values(world.table(), error).value - whole).max() <= error + 1e-9
+
+
+@pytest.mark.parametrize("error", [0.0, -1.0, math.nan])
+def test_an_error_that_is_none_is_refused(error):
+    with pytest.raises(SettingError, match="must be above 0"):
+        exact_values(GridWorld(np.ones((2, 2), bool), (0, 0), 0.9), error)

@@ -57,18 +57,21 @@ def shift_of(world: World) -> float:
     return -lowest / (1 - world.gamma)
 
 
-def exact_values(world: World) -> ExactValues:
+def exact_values(world: World, error: float | None = None) -> ExactValues:
     """Optimal values of a world, by Gauss-Seidel value iteration outward from the goal.
 
-    Raises SettingError if the sweeps do not settle (only for gamma extremely near 1).
+    error: no value may be off by more; by default values settle to a relative 1e-12 of their backups.
+    Raises SettingError for an error that is not above 0, and if the sweeps do not settle (only for gamma extremely
+    near 1).
     """
     shift = shift_of(world)
+    tolerance = _tolerance(world, shift, error)
     if isinstance(world, GridWorld):
-        shifted = _solve_grid(world, shift, world.slip)
+        shifted = _solve_grid(world, shift, world.slip, tolerance)
         value = shifted - shift
         value[world.goal] = 0.0
     else:
-        shifted = _solve_table(world, shift)
+        shifted = _solve_table(world, shift, tolerance)
         value = np.where(world.terminal, 0.0, shifted - shift)
     return ExactValues(value, shifted, shift)
 
@@ -80,13 +83,29 @@ def values_between(world: GridWorld, span: SlipSpan) -> ExactValues:
     policy is worth at least as much at each of them as if it does not.  world: of slip ``span.high``.
     """
     shift = shift_of(world)
-    shifted = _solve_grid(world, shift, span)
+    shifted = _solve_grid(world, shift, span, TOLERANCE)
     value = shifted - shift
     value[world.goal] = 0.0
     return ExactValues(value, shifted, shift)
 
 
-def _solve_grid(world: GridWorld, shift: float, slip: float | SlipSpan) -> NDArray[np.float64]:
+def _tolerance(world: World, shift: float, error: float | None) -> float:
+    """How far values may be from their backups, relatively, so that none is off by more than the error.
+
+    Where no value is further than d from its backup, none is off by more than d / (1 - gamma).
+    """
+    if error is None:
+        return TOLERANCE
+    if not error > 0:
+        raise SettingError(f"the error of values must be above 0, got {error}")
+    most = max(world.reward_bounds[1], 0.0)
+    largest = shift + (most if isinstance(world, GridWorld) else most / (1 - world.gamma))
+    return max(min(error * (1 - world.gamma) / largest, 1e-3), TOLERANCE) if largest > 0 else TOLERANCE
+
+
+def _solve_grid(
+    world: GridWorld, shift: float, slip: float | SlipSpan, tolerance: float
+) -> NDArray[np.float64]:  # fmt: skip
     cut_off = np.flatnonzero(world.steps_to_goal < 0)
     value = np.zeros(len(world))
     value[cut_off] = world.step_reward / (1 - world.gamma) + shift  # straight on for ever
@@ -96,7 +115,16 @@ def _solve_grid(world: GridWorld, shift: float, slip: float | SlipSpan) -> NDArr
         parts.append((cut_off, np.zeros(len(cut_off), np.int32)))
     for order, layer in parts:
         settle_outward(
-            world.successor, order, layer, reward, world.goal, world.goal_reward + shift, world.gamma, slip, value
+            world.successor,
+            order,
+            layer,
+            reward,
+            world.goal,
+            world.goal_reward + shift,
+            world.gamma,
+            slip,
+            value,
+            tolerance,
         )
     value[world.goal] = shift
     return value
@@ -105,6 +133,7 @@ def _solve_grid(world: GridWorld, shift: float, slip: float | SlipSpan) -> NDArr
 def settle_outward(
     successor: NDArray[np.uint32], order: NDArray[np.int64], layer: NDArray[np.int32], reward: NDArray[np.float64],
     goal: int, goal_value: float, gamma: float, slip: "float | SlipSpan", value: NDArray[np.float64],
+    tolerance: float = TOLERANCE,
 ) -> None:  # fmt: skip
     """Solve for the shifted values of the states of ``order`` (N,) and put them in value (S,); the others stay.
 
@@ -127,7 +156,7 @@ def settle_outward(
         number[successor[order]], np.flatnonzero(np.diff(layer, append=-1)) + 1, reward,
         int(number[goal]) if goal >= 0 else -1, goal_value, gamma, float(least), most, helps,
         relaxation(least, gamma, successor.shape[1]) if most is None else 1.0, ordered,
-        np.ones(len(states), np.bool_), np.zeros(4, np.int64), TOLERANCE,
+        np.ones(len(states), np.bool_), np.zeros(4, np.int64), tolerance,
     )  # fmt: skip
     value[states] = ordered
 
@@ -144,12 +173,12 @@ def relaxation(slip: float, gamma: float, n_actions: int) -> float:
     return factor if factor > LEAST_RELAXATION else 1.0
 
 
-def _solve_table(world: TabularMDP, shift: float) -> NDArray[np.float64]:
+def _solve_table(world: TabularMDP, shift: float, tolerance: float) -> NDArray[np.float64]:
     value = np.where(world.terminal, shift, 0.0)
     swept(
         len(world), bellman.solve_table,
         world.row_start, world.target, world.probability, world.reward + shift * (1 - world.gamma), world.terminal,
-        world.gamma, np.arange(len(world))[::-1].copy(), value, world.n_actions, TOLERANCE,
+        world.gamma, np.arange(len(world))[::-1].copy(), value, world.n_actions, tolerance,
     )  # fmt: skip
     return value
 
