@@ -73,9 +73,9 @@ def kept(learner):
     start, order = learner.graph.bottom_up
     for s, kind in enumerate(learner.graph.kind_of):
         low = learner._value_first[s] + learner.graph.n_actions
-        for place, task in enumerate(order[start[kind] : start[kind + 1]].tolist()):
-            if not np.isnan(learner._value[low + place]):
-                yield task, s, learner._value[low + place]
+        if not learner._kept.stale[s]:
+            for place, task in enumerate(order[start[kind] : start[kind + 1]].tolist()):
+                yield task, s, learner._kept.value[low + place]
 
 
 def check_kept(learner, told):

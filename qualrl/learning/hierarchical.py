@@ -52,6 +52,9 @@ from qualrl.models.landmark_ways import LandmarkWays
 from qualrl.models.once import once
 from qualrl.models.task_graph import TaskGraph, open_rows
 
+LISTED_POWERS = 64
+"""Powers of gamma that need not be worked out: for calls of fewer steps, which most are."""
+
 
 def task_learner(
     model: HybridMDP, rule: LearningRule, settings: LearnSettings, seed: int
@@ -134,10 +137,11 @@ class MaxqLearner:
         order_start, order = self.graph.bottom_up
         self._value_first = np.arange(len(model)) * model.world.n_actions
         self._value_first[1:] += np.cumsum(np.diff(order_start)[self.graph.kind_of])[:-1]
+        lives = self.graph.end > self.graph.begin
         self._graph = graph_kernel.Graph(
-            self.graph.first, self.graph.kind_of, self.graph.begin.ravel(), self.graph.end.ravel(),
-            self.graph.child_start[:-1], self.graph.slot, order_start, order, self.graph.reach, self._value_first,
-            self.graph.place.ravel(), *self.graph.callers,
+            self.graph.first, self.graph.kind_of, np.where(lives, self.graph.begin, -1).ravel().astype(np.int32),
+            self.graph.end.ravel(), self.graph.child_start[:-1], self.graph.slot, order_start, order, self.graph.reach,
+            self._value_first,
         )  # fmt: skip
         stack = np.zeros((4, self.graph.depth), np.int64)
         self._calls = graph_kernel.Calls(stack[0], stack[1], stack[2], stack[3])
@@ -147,8 +151,10 @@ class MaxqLearner:
         """(W,) completions as others see them; None where the two are the same."""
         self._pseudo = _pseudo(self.graph) if self.graph.has_pseudo_rewards else None
         moves = len(model) * model.world.n_actions
-        self._value = np.full(moves + np.diff(order_start)[self.graph.kind_of].sum(), np.nan)
-        self._value[self._value_first[:, None] + np.arange(model.world.n_actions)] = 0.0
+        self._kept = graph_kernel.Kept(
+            np.zeros(moves + np.diff(order_start)[self.graph.kind_of].sum()), np.ones(len(model), np.bool_),
+            np.empty(LISTED_POWERS),
+        )  # fmt: skip
         self._is_settled = False
         self._visits, self._rates = _rates(model, settings, self.own.size + moves)
 
@@ -157,7 +163,7 @@ class MaxqLearner:
         self._is_settled = False
         made: int = graph_kernel.run_steps(
             *self._world, self._graph, self._pseudo, self._calls, self._visits, self._rates, self._actions,
-            self.model.starts, self.own, self.outer, self._value, self.progress, n_steps,
+            self.model.starts, self.own, self.outer, self._kept, self.progress, n_steps,
         )  # fmt: skip
         return made
 
@@ -169,14 +175,16 @@ class MaxqLearner:
         """What ``kernels.task_graph.poll`` finds; from then on V of every task is known in every state."""
         polled = np.empty((len(self.model), len(self._actions)))
         begins = np.empty(len(self._actions) + len(self.graph), np.int64)
-        graph_kernel.poll(self._graph, self.own, self.outer, self._value, self._actions, begins, polled)
+        graph_kernel.poll(self._graph, self.own, self.outer, self._kept, self._actions, begins, polled)
         self._is_settled = True
         return polled
 
     @property
     def move_value(self) -> NDArray[np.float64]:
         """(S, A) expected reward of each move."""
-        found: NDArray[np.float64] = self._value[self._value_first[:, None] + np.arange(self.model.world.n_actions)]
+        found: NDArray[np.float64] = self._kept.value[
+            self._value_first[:, None] + np.arange(self.model.world.n_actions)
+        ]
         return found
 
     def value_of(self, state: int, call: int) -> float:
@@ -188,7 +196,7 @@ class MaxqLearner:
         if not self._is_settled:
             self._poll()
         start = self.graph.child_start[self.graph.kind_of[state]]
-        found: NDArray[np.float64] = self._value[
+        found: NDArray[np.float64] = self._kept.value[
             self._value_first[state] + self._graph.slot[start + begin : start + end]
         ]
         return found

@@ -73,16 +73,6 @@ class TaskGraph:
         return int(nx.dag_longest_path_length(self._called)) + 1
 
     @cached_property
-    def callers(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-        """(start, caller): the tasks that call task i, or one that does, are caller[start[i]] .. caller[start[i + 1]].
-
-        The root is left out: nobody asks what it is worth.
-        """
-        above = [sorted(nx.ancestors(self._called, task) - {0}) for task in range(len(self))]
-        start = np.concatenate([[0], np.cumsum([len(found) for found in above])])
-        return start, np.array([task for found in above for task in found], np.int32)
-
-    @cached_property
     def reach(self) -> NDArray[np.uint8]:
         """(T,) how far down a task calls: TASKS, MOVES, or MOVES_IN_ORDER for all moves wherever it lives."""
         task, x, child = self._entries
