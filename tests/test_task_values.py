@@ -72,7 +72,7 @@ def kept(learner):
     """(task, state, V) of every task whose worth in a state is taken to be known."""
     start, order = learner.graph.bottom_up
     for s, kind in enumerate(learner.graph.kind_of):
-        low = learner._value_first[s] + learner.graph.n_actions
+        low = learner.graph.value_first[s] + learner.graph.n_actions
         if not learner._kept.stale[s]:
             for place, task in enumerate(order[start[kind] : start[kind + 1]].tolist()):
                 yield task, s, learner._kept.value[low + place]

@@ -46,10 +46,9 @@ TASKS, MOVES, MOVES_IN_ORDER = range(3)
 class Graph(NamedTuple):
     """Which task calls what, and where its entries stand."""
 
-    first: NDArray[np.int64]
-    """(S,) where the row of each state begins."""
-    kind_of: NDArray[np.int32]
-    """(S,)"""
+    spot: NDArray[np.int64]
+    """(S * 3,) of each state its kind, where its row begins, and where its values do: of the A moves, then of the
+    tasks of its kind in their order."""
     begin: NDArray[np.int32]
     """(C * T,) the entries of task i in a row of kind c are begin[c * T + i] .. end[c * T + i]; or begin is -1."""
     end: NDArray[np.int32]
@@ -62,8 +61,6 @@ class Graph(NamedTuple):
     order: NDArray[np.int32]
     reach: NDArray[np.uint8]
     """(T,) TASKS, MOVES or MOVES_IN_ORDER."""
-    value_first: NDArray[np.int64]
-    """(S,) where the values of each state begin: of the A moves, then of the tasks of its kind in their order."""
 
 
 class Pseudo(NamedTuple):
@@ -81,7 +78,7 @@ class Kept(NamedTuple):
     """What is worked out from what was learned, and kept; read and written by each call of the loop."""
 
     value: Floats
-    """See ``Graph.value_first``: of a move, the reward expected of it; of a task, V, where its state is not stale."""
+    """See ``Graph.spot``: of a move, the reward expected of it; of a task, V, where its state is not stale."""
     stale: NDArray[np.bool_]
     """(S,)"""
     powers: Floats
@@ -130,9 +127,10 @@ class Spot(NamedTuple):
 
 @compiled_inline
 def _spot(graph: Any, s: Any) -> Any:
-    kind = uint64(graph.kind_of[uint64(s)])
+    at = uint64(s) * uint64(3)
+    kind = uint64(graph.spot[at])
     tasks = kind * uint64(graph.reach.size)
-    return Spot(kind, tasks, uint64(graph.first[uint64(s)]), uint64(graph.value_first[uint64(s)]))
+    return Spot(kind, tasks, uint64(graph.spot[at + uint64(1)]), uint64(graph.spot[at + uint64(2)]))
 
 
 @compiled_inline
@@ -145,10 +143,11 @@ def _best(graph: Any, own: Any, value: Any, spot: Any, place: Any) -> Any:
     for e in range(low + uint64(1), high):
         called = uint64(graph.slot[e + shift])
         worth = value[spot.at + called] + own[e]
-        if worth > best:
-            best, where, slot, ties = worth, e, called, 1
-        elif worth == best:
-            ties += 1
+        if worth >= best:
+            if worth > best:
+                best, where, slot, ties = worth, e, called, 1
+            else:
+                ties += 1
     return best, where, slot, ties
 
 
@@ -158,15 +157,16 @@ def _best_move(own: Any, value: Any, low: Any, at: Any, n_actions: Any) -> Any:
     best, slot, ties = value[at] + own[low], uint64(0), 1
     for a in range(1, n_actions):
         worth = value[at + uint64(a)] + own[low + uint64(a)]
-        if worth > best:
-            best, slot, ties = worth, uint64(a), 1
-        elif worth == best:
-            ties += 1
+        if worth >= best:
+            if worth > best:
+                best, slot, ties = worth, uint64(a), 1
+            else:
+                ties += 1
     return best, low + slot, slot, ties
 
 
 @compiled_part
-def settle(graph: Any, own: Any, outer: Any, value: Any, spot: Any, n_actions: Any) -> None:
+def _settle(graph: Any, own: Any, outer: Any, value: Any, spot: Any, n_actions: Any) -> None:
     """Work out the values of the tasks in a state, bottom up."""
     at = spot.at + uint64(n_actions)
     for x in range(uint64(graph.order_start[spot.kind]), uint64(graph.order_start[spot.kind + uint64(1)])):
@@ -180,16 +180,35 @@ def settle(graph: Any, own: Any, outer: Any, value: Any, spot: Any, n_actions: A
 @compiled_inline
 def _look(graph: Any, own: Any, outer: Any, kept: Any, task: Any, s: Any, spot: Any, n_actions: Any) -> Any:
     """The best call of a task in a state: ``_best``, once all that it may call there has a value."""
-    reach, place = graph.reach[task], spot.tasks + task
-    if reach == MOVES_IN_ORDER:
-        low = spot.row + uint64(graph.begin[place])
-        best, entry, slot, ties = _best_move(own, kept.value, low, spot.at, n_actions)
-    else:
-        if reach == TASKS and kept.stale[s]:
-            settle(graph, own, outer, kept.value, spot, n_actions)
-            kept.stale[s] = False
-        best, entry, slot, ties = _best(graph, own, kept.value, spot, place)
-    return best, entry, slot, ties
+    if graph.reach[task] == TASKS and kept.stale[s]:
+        _settle(graph, own, outer, kept.value, spot, n_actions)
+        kept.stale[s] = False
+    return _best(graph, own, kept.value, spot, spot.tasks + task)
+
+
+@compiled_inline
+def _learn(own: Any, outer: Any, visits: Any, alpha: Any, e: Any, target: Any, seen: Any) -> Any:
+    """Move a completion towards what was seen of it; whether that changed anything."""
+    if visits is not None:
+        alpha = next_rate(visits, e)
+    before = own[e]
+    own[e] = before + alpha * (target - before)
+    changed = own[e] != before
+    if outer is not None:
+        before = outer[e]
+        outer[e] = before + alpha * (seen - before)
+        changed |= outer[e] != before
+    return changed
+
+
+@compiled_inline
+def _learn_reward(value: Any, visits: Any, alpha: Any, at: Any, row: Any, reward: Any) -> Any:
+    """Move what is expected of a move towards its reward; whether that changed anything."""
+    if visits is not None:
+        alpha = next_rate(visits, row)
+    before = value[at]
+    value[at] = before + alpha * (reward - before)
+    return value[at] != before
 
 
 @compiled_part
@@ -219,6 +238,14 @@ def _pick(
                 return e
             skip -= 1
     return low
+
+
+@compiled_inline
+def _caller(calls: Any, depth: Any, t: Any, gamma: Any, powers: Any) -> Any:
+    """The call that was open below the one that is over: (task, entry, state, gamma to the power of its steps)."""
+    passed = t - calls.when[depth]
+    discount = powers[uint64(passed)] if passed < powers.size else gamma**passed
+    return uint64(calls.task[depth]), uint64(calls.entry[depth]), uint64(calls.state[depth]), discount
 
 
 @compiled_bare
@@ -267,7 +294,7 @@ def run_steps(
         until, over = min(rates.max_steps, t + n_steps - done), False
         done -= t
         while not over and t < until:
-            while True:  # down to a move
+            while graph.reach[task] != MOVES_IN_ORDER:  # down to a move, or to a task that calls nothing else
                 u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
                 exploring = (u >> uint64(32)) < explore
                 if not known and not exploring:
@@ -285,51 +312,69 @@ def run_steps(
                 depth += 1
                 task = uint64(graph.order[uint64(graph.order_start[here.kind]) + slot - uint64(n_actions)])
                 calls.task[depth] = task
-            e, origin, discount, move_at = entry, s, gamma, here.at + slot
-            s, over, reward, r0, r1, r2, r3 = moved_on(grid, slip, table, s, slot, n_actions, r0, r1, r2, r3)
-            if visits is not None:
-                alpha = next_rate(visits, uint64(own.size) + origin * uint64(n_actions) + slot)
-            before = value[move_at]
-            value[move_at] = before + alpha * (reward - before)
-            if value[move_at] != before:
-                stale[origin] = True
-            here = _spot(graph, s)
-            total += reward
-            t += 1
-            while True:  # up from every task that is over
+            goes_on = False
+            if graph.reach[task] != MOVES_IN_ORDER:
+                e, origin = entry, s
+                s, over, reward, r0, r1, r2, r3 = moved_on(grid, slip, table, s, slot, n_actions, r0, r1, r2, r3)
+                row = uint64(own.size) + origin * uint64(n_actions) + slot
+                stale[origin] |= _learn_reward(value, visits, alpha, here.at + slot, row, reward)
+                here, changed = _spot(graph, s), False
+                total += reward
+                t += 1
+            else:
+                begin = graph.begin[here.tasks + task]
+                low = here.row + uint64(begin)
+                while not goes_on:
+                    if not known:
+                        best, entry, slot, ties = _best_move(own, value, low, here.at, n_actions)
+                    u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
+                    exploring = (u >> uint64(32)) < explore
+                    if exploring or ties > 1:
+                        shift = uint64(graph.child_start[here.kind]) - here.row
+                        high = low + uint64(n_actions)
+                        entry = _pick(graph.slot, own, value, low, high, shift, here.at, best, ties, exploring, u)
+                        slot = entry - low
+                    e, origin, move_at, kind = entry, s, here.at + slot, here.kind
+                    s, over, reward, r0, r1, r2, r3 = moved_on(grid, slip, table, s, slot, n_actions, r0, r1, r2, r3)
+                    row = uint64(own.size) + origin * uint64(n_actions) + slot
+                    changed = _learn_reward(value, visits, alpha, move_at, row, reward)
+                    here = _spot(graph, s)
+                    total += reward
+                    t += 1
+                    if here.kind != kind:
+                        begin = graph.begin[here.tasks + task]
+                    if over or begin < 0:
+                        break
+                    low = here.row + uint64(begin)
+                    best, entry, slot, ties = _best_move(own, value, low, here.at, n_actions)
+                    if best == -np.inf:
+                        break
+                    seen = 0.0
+                    if outer is not None:
+                        seen = gamma * (value[here.at + slot] + outer[entry])
+                    stale[origin] |= _learn(own, outer, visits, alpha, e, gamma * best, seen) | changed
+                    known = origin != s  # there, what was just learned may have changed it
+                    goes_on = t >= until
+            discount = gamma
+            while not goes_on and depth >= 0:  # up from every task that is over
                 target, seen = 0.0, 0.0
                 if not over and graph.begin[here.tasks + task] >= 0:
                     best, entry, slot, ties = _look(graph, own, outer, kept, task, s, here, n_actions)
-                    known = best > -np.inf
-                if known:
+                    goes_on = best > -np.inf
+                if goes_on:
                     target = discount * best
                     if outer is not None:
                         seen = discount * (value[here.at + slot] + outer[entry])
-                if pseudo is not None and not known:
+                if pseudo is not None and not goes_on:
                     target = discount * _pseudo(pseudo, task, s)
-                if visits is not None:
-                    alpha = next_rate(visits, e)
-                before = own[e]
-                own[e] = before + alpha * (target - before)
-                changed = own[e] != before
-                if outer is not None:
-                    before = outer[e]
-                    outer[e] = before + alpha * (seen - before)
-                    changed |= outer[e] != before
-                if changed and task != uint64(0):  # nobody asks what the root is worth
-                    stale[origin] = True
-                if known:
-                    known = origin != s  # there, what was just learned may have changed it
-                    break
-                depth -= 1
-                if depth < 0:
-                    break
-                task, e, origin = uint64(calls.task[depth]), uint64(calls.entry[depth]), uint64(calls.state[depth])
-                passed = uint64(t - calls.when[depth])
-                if passed < uint64(powers.size):
-                    discount = powers[passed]
-                else:
-                    discount = gamma ** (t - calls.when[depth])
+                changed |= _learn(own, outer, visits, alpha, e, target, seen) and task != uint64(0)
+                stale[origin] |= changed
+                known = goes_on and origin != s  # there, what was just learned may have changed it
+                if not goes_on:
+                    depth -= 1
+                    if depth >= 0:
+                        task, e, origin, discount = _caller(calls, depth, t, gamma, powers)
+                        changed = False
         done += t
         if over or t >= rates.max_steps:
             t, episode = ended(progress, t, episode, total)
@@ -350,7 +395,7 @@ def poll(graph: Any, own: Any, outer: Any, kept: Any, actions: Any, begins: Any,
         begins[a] = a
     for s in range(len(polled)):
         spot = _spot(graph, s)
-        settle(graph, own, outer, kept.value, spot, n_actions)
+        _settle(graph, own, outer, kept.value, spot, n_actions)
         kept.stale[s] = False
         tasks = uint64(graph.order_start[spot.kind])
         for x in range(uint64(graph.order_start[spot.kind + uint64(1)]) - tasks):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.errors import SettingError, UnknownNameError, did_you_mean
-from qualrl.kernels.task_graph import MOVES, MOVES_IN_ORDER, TASKS
+from qualrl.kernels.task_graph import MOVES, MOVES_IN_ORDER, TASKS, Graph, Pseudo
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.landmark_ways import LandmarkWays
 from qualrl.models.tabular_mdp import TabularMDP
@@ -124,13 +124,37 @@ class TaskGraph:
         found[kind, order] = self.n_actions + np.arange(len(order)) - start[kind]
         return found
 
-    @property
+    @cached_property
     def slot(self) -> NDArray[np.int32]:
         """(like child) the place of the value of what an entry calls."""
         kind = np.repeat(np.arange(len(self.begin)), np.diff(self.child_start))
         return np.where(
             self.child < self.n_actions, self.child, self.place[kind, np.maximum(self.child - self.n_actions, 0)]
         )
+
+    @cached_property
+    def value_first(self) -> NDArray[np.int64]:
+        """(S,) where the values of each state begin in a loop's: of the A moves, then of the tasks of bottom_up."""
+        many = self.n_actions + np.diff(self.bottom_up[0])[self.kind_of]
+        found: NDArray[np.int64] = np.cumsum(many) - many
+        return found
+
+    @cached_property
+    def for_loop(self) -> tuple[Graph, Pseudo | None]:
+        """The graph as a compiled loop takes it."""
+        spot = np.stack([self.kind_of, self.first[:-1], self.value_first], axis=1).ravel()
+        begin = np.where(self.end > self.begin, self.begin, -1).ravel().astype(np.int32)
+        graph = Graph(
+            spot, begin, self.end.ravel(), self.child_start[:-1], self.slot, *self.bottom_up, self.reach
+        )  # fmt: skip
+        return graph, self._listed_pseudo() if self.has_pseudo_rewards else None
+
+    def _listed_pseudo(self) -> Pseudo:
+        listed = [sorted(amounts.items()) for amounts in self.pseudo]
+        start = np.concatenate([[0], np.cumsum([len(pairs) for pairs in listed])])
+        state = np.array([state for pairs in listed for state, _ in pairs], np.int64)
+        amount = np.array([amount for pairs in listed for _, amount in pairs], np.float64)
+        return Pseudo(self.pseudo_otherwise, start, state, amount)
 
     @classmethod
     def from_tasks(cls, tasks: Sequence[Task], world: GridWorld | TabularMDP) -> "TaskGraph":
