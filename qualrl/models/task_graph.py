@@ -190,37 +190,47 @@ class TaskGraph:
     ) -> "TaskGraph":
         """The root calls "go to landmark l within region g", which calls moves.
 
+        Kinds of states in none of which the root may make a single move have no entries for that.
+
         failing: pseudo-reward of such a task for ending neither at its landmark nor where the episode ends.
         primitives: whether the root may also make single moves everywhere, or only where no task leads on.
         """
         n_actions, moves = ways.n_actions, np.arange(ways.n_actions)
         n_kinds, k_of = len(ways.option_start) - 1, np.diff(ways.option_start)
-        width = k_of * (1 + n_actions) + n_actions
+        single = (ways.stuck | primitives) & ~ways.terminal
+        moved = (np.bincount(ways.kind_of[single], minlength=n_kinds) > 0) | (k_of == 0)
+        width = k_of * (1 + n_actions) + n_actions * moved
         begin = np.zeros((n_kinds, 1 + len(ways)), np.int32)
         end, child = np.zeros_like(begin), list[NDArray[np.int64]]()
         for kind, k in enumerate(k_of.tolist()):
             options = ways.option[ways.option_start[kind] : ways.option_start[kind + 1]]
-            end[kind, 0] = k + n_actions
-            begin[kind, 1 + options] = k + n_actions + np.arange(k) * n_actions
+            end[kind, 0] = k + n_actions * moved[kind]
+            begin[kind, 1 + options] = end[kind, 0] + np.arange(k) * n_actions
             end[kind, 1 + options] = begin[kind, 1 + options] + n_actions
-            child.append(np.concatenate([n_actions + 1 + options, moves, np.tile(moves, k)]))
+            child.append(np.concatenate([n_actions + 1 + options, np.tile(moves, moved[kind] + k)]))
         first = np.concatenate([[0], np.cumsum(width[ways.kind_of])])
         ended = {int(s): 0.0 for s in np.flatnonzero(ways.terminal)}
         at = [dict.fromkeys(np.flatnonzero(landmark_of == mark).tolist(), 0.0) for mark in ways.landmark.tolist()]
         return cls(
             ("root", *ways.names), n_actions, ways.kind_of, first, begin, end,
             np.concatenate([[0], np.cumsum(width)]), np.concatenate(child).astype(np.int32),
-            open_rows(ways, first, ways.stuck | primitives), np.array([0.0] + [failing] * len(ways)),
+            open_rows(ways, first, single, moved=moved), np.array([0.0] + [failing] * len(ways)),
             ({}, *(ended | here for here in at)),
         )  # fmt: skip
 
 
 def open_rows(
-    ways: LandmarkWays, first: NDArray[np.int64], single: NDArray[np.bool_], towards: bool = False, blocks: bool = True
+    ways: LandmarkWays,
+    first: NDArray[np.int64],
+    single: NDArray[np.bool_],
+    towards: bool = False,
+    blocks: bool = True,
+    moved: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.bool_]:
     """(W,) for rows of K options, A moves and (``blocks``) K times A moves of an option: what may be chosen.
 
     single (S,): where single moves may be chosen; nothing may in a terminal state.
+    moved (C,): in which kinds rows have the A moves, when not in all.
     towards: whether an option may only make moves that most often lead nearer to its landmark, or elsewhere but
     not farther from it; without it, it may make any.
     """
@@ -231,12 +241,15 @@ def open_rows(
         steps = ways.table(ways.steps, kind)
         may = (steps > 0) & ~ways.terminal[states][:, None]
         found[row + np.arange(k)] = may
-        found[row + k + np.arange(n_actions)] = (single & ~ways.terminal)[states][:, None]
+        top = k
+        if moved is None or moved[kind]:
+            found[row + k + np.arange(n_actions)] = (single & ~ways.terminal)[states][:, None]
+            top += n_actions
         if blocks:
             allowed = np.repeat(may[:, :, None], n_actions, axis=2)
             if towards:
                 allowed &= _no_farther(ways, kind, states)
-            found[row + k + n_actions + np.arange(k * n_actions)] = allowed.reshape(len(states), -1)
+            found[row + top + np.arange(k * n_actions)] = allowed.reshape(len(states), -1)
     return found
 
 
