@@ -322,8 +322,7 @@ def run_steps(
                 total += reward
                 t += 1
             else:
-                begin = graph.begin[here.tasks + task]
-                low = here.row + uint64(begin)
+                low = here.row + uint64(graph.begin[here.tasks + task])
                 while not goes_on:
                     if not known:
                         best, entry, slot, ties = _best_move(own, value, low, here.at, n_actions)
@@ -334,15 +333,14 @@ def run_steps(
                         high = low + uint64(n_actions)
                         entry = _pick(graph.slot, own, value, low, high, shift, here.at, best, ties, exploring, u)
                         slot = entry - low
-                    e, origin, move_at, kind = entry, s, here.at + slot, here.kind
+                    e, origin, move_at = entry, s, here.at + slot
                     s, over, reward, r0, r1, r2, r3 = moved_on(grid, slip, table, s, slot, n_actions, r0, r1, r2, r3)
                     row = uint64(own.size) + origin * uint64(n_actions) + slot
                     changed = _learn_reward(value, visits, alpha, move_at, row, reward)
                     here = _spot(graph, s)
                     total += reward
                     t += 1
-                    if here.kind != kind:
-                        begin = graph.begin[here.tasks + task]
+                    begin = graph.begin[here.tasks + task]
                     if over or begin < 0:
                         break
                     low = here.row + uint64(begin)
@@ -355,10 +353,10 @@ def run_steps(
                     stale[origin] |= _learn(own, outer, visits, alpha, e, gamma * best, seen) | changed
                     known = origin != s  # there, what was just learned may have changed it
                     goes_on = t >= until
-            discount = gamma
+            discount, ended_here = gamma, over or graph.reach[task] == MOVES_IN_ORDER
             while not goes_on and depth >= 0:  # up from every task that is over
                 target, seen = 0.0, 0.0
-                if not over and graph.begin[here.tasks + task] >= 0:
+                if not ended_here and graph.begin[here.tasks + task] >= 0:
                     best, entry, slot, ties = _look(graph, own, outer, kept, task, s, here, n_actions)
                     goes_on = best > -np.inf
                 if goes_on:
@@ -374,7 +372,7 @@ def run_steps(
                     depth -= 1
                     if depth >= 0:
                         task, e, origin, discount = _caller(calls, depth, t, gamma, powers)
-                        changed = False
+                        changed, ended_here = False, over
         done += t
         if over or t >= rates.max_steps:
             t, episode = ended(progress, t, episode, total)
