@@ -213,18 +213,9 @@ def _learn_reward(value: Any, visits: Any, alpha: Any, at: Any, row: Any, reward
 
 @compiled_part
 def _pick(
-    slot: Any,
-    own: Any,
-    value: Any,
-    low: Any,
-    high: Any,
-    shift: Any,
-    at: Any,
-    best: Any,
-    ties: Any,
-    exploring: Any,
+    slot: Any, own: Any, value: Any, low: Any, high: Any, shift: Any, at: Any, best: Any, ties: Any, exploring: Any,
     u: Any,
-) -> Any:
+) -> Any:  # fmt: skip
     """An entry of low..high, each as likely: any that is open when exploring, otherwise one worth ``best``."""
     count = ties
     if exploring:
@@ -353,6 +344,7 @@ def run_steps(
                     stale[origin] |= _learn(own, outer, visits, alpha, e, gamma * best, seen) | changed
                     known = origin != s  # there, what was just learned may have changed it
                     goes_on = t >= until
+            # What left the loop of its own is over, without another look
             discount, ended_here = gamma, over or graph.reach[task] == MOVES_IN_ORDER
             while not goes_on and depth >= 0:  # up from every task that is over
                 target, seen = 0.0, 0.0
