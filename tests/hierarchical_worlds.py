@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from qualrl.learning.hierarchical import worst_return
+from qualrl.learning.trainer import start_learner
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.models.landmarks import landmark_level
@@ -153,6 +154,25 @@ def tasks_of(model, primitives):
     return tasks
 
 
+def tasks_by_hand(tasks, world):
+    """The same for tasks written by hand."""
+    by_name, moves = {task.name: task for task in tasks}, list(world.action_names)
+
+    def may(task, call, s):
+        if world.terminal[s] or s in task.ends or s not in task.only.get(call, range(len(world))):
+            return False
+        return call not in by_name or any(may(by_name[call], below, s) for below in by_name[call].calls)
+
+    return {
+        task.name: {
+            "calls": [moves.index(call) if call in moves else call for call in task.calls],
+            "may": lambda c, s, task=task: may(task, moves[c] if isinstance(c, int) else c, s),
+            "pseudo": lambda s, task=task: task.pseudo.get(s, 0.0),
+        }
+        for task in tasks
+    }
+
+
 def detour_model(start=(4, 1)):
     """Two regions side by side in one open room; the only landmark between them lies in the top row."""
     return model_of(np.ones((6, 6), bool), (5, 5), {(0, 3): (0, 1)}, start=start)
@@ -164,3 +184,54 @@ def best_of(values, n_states):
     for s in {s for s, _ in values}:
         best[s] = float(max(value for (at, _), value in values.items() if at == s))
     return best
+
+
+class TextbookMaxq:
+    """The textbook learner of a model, and how the two tell each other what they hold."""
+
+    def __init__(self, model, chosen, tasks):
+        self.step, likely, self.terminal = stepper(model)
+        self.names, self.starts, self.chosen = list(tasks), model.starts.tolist(), chosen
+        rate = RATES[chosen.alpha]
+        self.twin = twins.Maxq(tasks, len(likely), len(likely[0]), gamma=model.gamma, rate=rate, epsilon=chosen.epsilon)
+
+    def learn(self, seed):
+        chosen = self.chosen
+        return self.twin.learn(self.step, self.terminal, self.starts, chosen.episodes, seed, chosen.max_steps)
+
+    def calls(self, graph):
+        """(entry, task, state, call) of every entry of a graph."""
+        for s, kind in enumerate(graph.kind_of):
+            for task, name in enumerate(self.names):
+                for x in range(graph.begin[kind, task], graph.end[kind, task]):
+                    child = int(graph.child[graph.child_start[kind] + x])
+                    call = child if child < graph.n_actions else self.names[child - graph.n_actions]
+                    yield graph.first[s] + x, name, s, call
+
+    def take(self, learner):
+        """Hold what a compiled learner has learned."""
+        twin, outer = self.twin, learner.own if learner.outer is None else learner.outer
+        twin.move_value = learner.move_value.tolist()
+        for entry, name, s, call in self.calls(learner.graph):
+            twin.own[name, s, call], twin.outer[name, s, call] = float(learner.own[entry]), float(outer[entry])
+
+
+def compare_maxq(model, tasks, chosen, seed):
+    """Whatever is learned is the same to the last bit."""
+    learner = finished(start_learner(model, "maxq-q", chosen, seed))
+    told = TextbookMaxq(model, chosen, tasks)
+    steps, returns = told.learn(seed)
+    assert learner.progress.steps.tolist() == steps
+    assert learner.progress.returns.tolist() == returns
+    graph, twin = learner.graph, told.twin
+    assert learner.move_value.tolist() == twin.move_value
+    outer = learner.own if learner.outer is None else learner.outer
+    compared = 0
+    for entry, *key in told.calls(graph):
+        name, s, call = key
+        assert graph.open[entry] == (call in twin.open(name, s))
+        if graph.open[entry]:
+            compared += 1
+            assert learner.own[entry] == twin.own.get((name, s, call), 0.0)
+            assert outer[entry] == twin.outer.get((name, s, call), 0.0)
+    assert compared > len(model)

@@ -249,6 +249,16 @@ def run_agents(how, s, step, marks, top, inner, draws, gamma, teacher, epsilon, 
             return t, total
 
 
+def power(base, n):
+    """Base to the n-th by squaring: what compiled loops make of it, which differs in the last bit from C's pow."""
+    found = 1.0
+    while n:
+        if n % 2:
+            found *= base
+        base, n = base * base, n // 2
+    return found
+
+
 class Maxq:
     """MAXQ-Q by recursion; a task is (name, calls, over, may, pseudo): see the fields below."""
 
@@ -301,7 +311,7 @@ class Maxq:
             if cut:
                 return s, True
             over = terminal(s) or not self.open(name, s)
-            discount = self.gamma ** (self.t - when)
+            discount = power(self.gamma, self.t - when)
             own, seen = discount * self.tasks[name]["pseudo"](s), 0.0
             if not over:
                 values = self.chosen_by(name, s)

@@ -1,17 +1,24 @@
 """Task graphs, and MAXQ-Q on them against a textbook twin, draw for draw."""
 
-import numpy as np
 import pytest
 
 from qualrl.errors import SettingError, UnknownNameError
 from qualrl.learning.settings import LearnSettings
-from qualrl.learning.trainer import start_learner, train
+from qualrl.learning.trainer import train
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.models.tabular_mdp import TabularMDP
 from qualrl.models.task_graph import Task, TaskGraph
-from tests import oracles_tasks as twins
-from tests.hierarchical_worlds import FALLING, RATES, finished, halves, model_of, stepper, table_model, tasks_of
+from tests.hierarchical_worlds import (
+    FALLING,
+    RATES,
+    compare_maxq,
+    halves,
+    model_of,
+    table_model,
+    tasks_by_hand,
+    tasks_of,
+)
 from tests.test_learning import puzzle
 from tests.worlds import grid_of
 
@@ -28,40 +35,6 @@ TWO_EXITS = """
 """
 
 
-def maxq_twin(model, chosen, **tasks):
-    """A textbook MAXQ-Q on the landmarks of a model, or on the tasks given."""
-    step, likely, terminal = stepper(model)
-    tasks = tasks or tasks_of(model, chosen.primitives)
-    rate = RATES[chosen.alpha]
-    twin = twins.Maxq(tasks, len(likely), len(likely[0]), gamma=0.9, rate=rate, epsilon=chosen.epsilon)
-    return twin, step, terminal
-
-
-def compare_maxq(model, chosen, seed, names, tasks):
-    learner = finished(start_learner(model, "maxq-q", chosen, seed))
-    twin, step, terminal = maxq_twin(model, chosen, **tasks)
-    steps, returns = twin.learn(step, terminal, model.starts.tolist(), chosen.episodes, seed, chosen.max_steps)
-    assert learner.progress.steps.tolist() == steps
-    np.testing.assert_allclose(learner.progress.returns, returns, rtol=1e-12)
-    graph, n_actions = learner.graph, learner.graph.n_actions
-    np.testing.assert_allclose(learner.move_value.reshape(-1, n_actions), twin.move_value, rtol=1e-12)
-    compared = 0
-    for s in range(len(model)):
-        kind = graph.kind_of[s]
-        for task, name in enumerate(names):
-            for x in range(graph.begin[kind, task], graph.end[kind, task]):
-                child = int(graph.child[graph.child_start[kind] + x])
-                call = child if child < n_actions else names[child - n_actions]
-                entry = graph.first[s] + x
-                assert graph.open[entry] == (call in twin.open(name, s))
-                if graph.open[entry]:
-                    compared += 1
-                    assert learner.own[entry] == pytest.approx(twin.own.get((name, s, call), 0.0), rel=1e-9)
-                    outer = learner.own if learner.outer is None else learner.outer
-                    assert outer[entry] == pytest.approx(twin.outer.get((name, s, call), 0.0), rel=1e-9)
-    assert compared > len(model)
-
-
 @pytest.mark.parametrize(
     ("model", "primitives", "seed", "alpha"),
     [
@@ -71,9 +44,8 @@ def compare_maxq(model, chosen, seed, names, tasks):
     ids=["halves", "halves slip", "table", "puzzle", "halves falling", "table falling"],
 )  # fmt: skip
 def test_maxq_equals_the_textbook_draw_for_draw(model, primitives, seed, alpha):
-    _, likely, terminal = stepper(model)
     chosen = LearnSettings(episodes=8, alpha=alpha, epsilon=0.1, max_steps=250, primitives=primitives)
-    compare_maxq(model, chosen, seed, ["root", *twins.Landmarks(model, likely, terminal).options], {})
+    compare_maxq(model, tasks_of(model, primitives), chosen, seed)
 
 
 class Taxi:
@@ -126,32 +98,9 @@ class Taxi:
 @pytest.mark.parametrize("alpha", list(RATES))
 def test_maxq_on_a_graph_of_the_users_own_equals_the_textbook_and_finds_the_optimum(alpha):
     taxi = Taxi()
-    open_calls = {task.name: task for task in taxi.tasks}
-    number = {name: i for i, name in enumerate(taxi.MOVES)}
-
-    def over(name, s):
-        return s == 36 or s in open_calls[name].ends or not any(may(name, call, s) for call in open_calls[name].calls)
-
-    def may(name, call, s):
-        task = open_calls[name]
-        return not (
-            s == 36
-            or s in task.ends
-            or (call in open_calls and over(call, s))
-            or s not in task.only.get(call, range(37))
-        )
-
-    tasks = {
-        name: {
-            "calls": [number.get(call, call) for call in task.calls],
-            "may": lambda c, s, name=name: may(name, taxi.MOVES[c] if isinstance(c, int) else c, s),
-            "pseudo": lambda s: 0.0,
-        }
-        for name, task in open_calls.items()
-    }
     assert taxi.model.tasks.depth == 3
     chosen = LearnSettings(episodes=40, alpha=alpha, epsilon=0.2, max_steps=100)
-    compare_maxq(taxi.model, chosen, 5, list(tasks), tasks)
+    compare_maxq(taxi.model, tasks_by_hand(taxi.tasks, taxi.mdp), chosen, 5)
     run = train(taxi.model, "maxq-q", LearnSettings(episodes=4000, alpha=alpha, epsilon=0.2, max_steps=100), seed=1)
     assert run.greedy_steps == run.optimal_steps
     assert run.q[36].tolist() == [0.0] * 6

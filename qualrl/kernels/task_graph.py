@@ -8,8 +8,9 @@ own      C(i, s, j), the completion that task i goes by; -inf where the call may
          task that of its best call.  A task none of whose calls may be made in a state is over there.
 outer    the completion without pseudo-rewards, which is what others see; None where it would be the same as ``own``.
 
-V of each task is kept for each state, and is nan once something that it is made of has changed there; it is worked
-out anew, bottom up, where a task that may call it has to choose.  A state of a kind of K tasks takes 8 (K + A) bytes.
+V of each task is kept for each state.  A state is stale once something that V is made of has changed there; all its V
+are then worked out anew, bottom up, where a task that calls tasks has to choose.  A state of a kind of K tasks takes
+8 (K + A) + 1 bytes.
 
 A call runs a number of steps and leaves everything it needs to go on in its arrays.
 """
@@ -45,12 +46,11 @@ TASKS, MOVES, MOVES_IN_ORDER = range(3)
 class Graph(NamedTuple):
     """Which task calls what, and where its entries stand."""
 
-    first: NDArray[np.int64]
-    """(S,) where the row of each state begins."""
-    kind_of: NDArray[np.int32]
-    """(S,)"""
+    spot: NDArray[np.int64]
+    """(S * 3,) of each state its kind, where its row begins, and where its values do: of the A moves, then of the
+    tasks of its kind in their order."""
     begin: NDArray[np.int32]
-    """(C * T,) the entries of task i in a row of kind c are begin[c * T + i] .. end[c * T + i]."""
+    """(C * T,) the entries of task i in a row of kind c are begin[c * T + i] .. end[c * T + i]; or begin is -1."""
     end: NDArray[np.int32]
     child_start: NDArray[np.int64]
     """(C,) the value of what entry x of kind c calls is in slot[child_start[c] + x] of the values of a state."""
@@ -61,13 +61,6 @@ class Graph(NamedTuple):
     order: NDArray[np.int32]
     reach: NDArray[np.uint8]
     """(T,) TASKS, MOVES or MOVES_IN_ORDER."""
-    value_first: NDArray[np.int64]
-    """(S,) where the values of each state begin: of the A moves, then of the tasks of its kind in their order."""
-    place: NDArray[np.int32]
-    """(C * T,) where among them that of a task stands."""
-    caller_start: NDArray[np.int64]
-    """(T + 1,) what a task is worth goes into the worth of caller[caller_start[i]] .. caller[caller_start[i + 1]]."""
-    caller: NDArray[np.int32]
 
 
 class Pseudo(NamedTuple):
@@ -81,6 +74,17 @@ class Pseudo(NamedTuple):
     amount: Floats
 
 
+class Kept(NamedTuple):
+    """What is worked out from what was learned, and kept; read and written by each call of the loop."""
+
+    value: Floats
+    """See ``Graph.spot``: of a move, the reward expected of it; of a task, V, where its state is not stale."""
+    stale: NDArray[np.bool_]
+    """(S,)"""
+    powers: Floats
+    """gamma to the n-th, for the first few n."""
+
+
 class Calls(NamedTuple):
     """The calls that are open, the root's first; read and written by each call of the loop."""
 
@@ -92,14 +96,14 @@ class Calls(NamedTuple):
     """The step of the episode at which each was made."""
 
 
-@compiled_part
+@compiled_inline
 def _pseudo(pseudo: Any, task: Any, s: Any) -> Any:
-    low, high = pseudo.start[task], pseudo.start[task + 1]
+    low, high = pseudo.start[task], pseudo.start[task + uint64(1)]
     while low < high:  # by halves; np.searchsorted takes half a second to compile
         middle = (low + high) // 2
-        if pseudo.state[middle] == s:
+        if uint64(pseudo.state[middle]) == s:
             return pseudo.amount[middle]
-        if pseudo.state[middle] < s:
+        if uint64(pseudo.state[middle]) < s:
             low = middle + 1
         else:
             high = middle
@@ -114,7 +118,7 @@ class Spot(NamedTuple):
 
     kind: int
     tasks: int
-    """Where its kind begins in ``Graph.begin``, ``end`` and ``place``."""
+    """Where its kind begins in ``Graph.begin`` and ``end``."""
     row: int
     """Where its entries begin."""
     at: int
@@ -123,9 +127,10 @@ class Spot(NamedTuple):
 
 @compiled_inline
 def _spot(graph: Any, s: Any) -> Any:
-    kind = uint64(graph.kind_of[uint64(s)])
+    at = uint64(s) * uint64(3)
+    kind = uint64(graph.spot[at])
     tasks = kind * uint64(graph.reach.size)
-    return Spot(kind, tasks, uint64(graph.first[uint64(s)]), uint64(graph.value_first[uint64(s)]))
+    return Spot(kind, tasks, uint64(graph.spot[at + uint64(1)]), uint64(graph.spot[at + uint64(2)]))
 
 
 @compiled_inline
@@ -138,10 +143,11 @@ def _best(graph: Any, own: Any, value: Any, spot: Any, place: Any) -> Any:
     for e in range(low + uint64(1), high):
         called = uint64(graph.slot[e + shift])
         worth = value[spot.at + called] + own[e]
-        if worth > best:
-            best, where, slot, ties = worth, e, called, 1
-        elif worth == best:
-            ties += 1
+        if worth >= best:
+            if worth > best:
+                best, where, slot, ties = worth, e, called, 1
+            else:
+                ties += 1
     return best, where, slot, ties
 
 
@@ -151,64 +157,65 @@ def _best_move(own: Any, value: Any, low: Any, at: Any, n_actions: Any) -> Any:
     best, slot, ties = value[at] + own[low], uint64(0), 1
     for a in range(1, n_actions):
         worth = value[at + uint64(a)] + own[low + uint64(a)]
-        if worth > best:
-            best, slot, ties = worth, uint64(a), 1
-        elif worth == best:
-            ties += 1
+        if worth >= best:
+            if worth > best:
+                best, slot, ties = worth, uint64(a), 1
+            else:
+                ties += 1
     return best, low + slot, slot, ties
 
 
 @compiled_part
 def _settle(graph: Any, own: Any, outer: Any, value: Any, spot: Any, n_actions: Any) -> None:
-    """Work out what is not known of the values of the tasks in a state, bottom up."""
+    """Work out the values of the tasks in a state, bottom up."""
     at = spot.at + uint64(n_actions)
     for x in range(uint64(graph.order_start[spot.kind]), uint64(graph.order_start[spot.kind + uint64(1)])):
-        if np.isnan(value[at]):
-            best, where, slot, _ = _best(graph, own, value, spot, spot.tasks + uint64(graph.order[x]))
-            if outer is not None:
-                best = value[spot.at + slot] + outer[where]
-            value[at] = best
+        best, where, slot, _ = _best(graph, own, value, spot, spot.tasks + uint64(graph.order[x]))
+        if outer is not None:
+            best = value[spot.at + slot] + outer[where]
+        value[at] = best
         at += uint64(1)
 
 
 @compiled_inline
-def _is_unsettled(graph: Any, value: Any, spot: Any, n_actions: Any) -> Any:
-    """Whether there is anything for ``_settle`` to do, which takes long to call."""
-    at = spot.at + uint64(n_actions)
-    many = uint64(graph.order_start[spot.kind + uint64(1)] - graph.order_start[spot.kind])
-    found = False
-    for x in range(many):
-        found |= np.isnan(value[at + x])
-    return found
+def _look(graph: Any, own: Any, outer: Any, kept: Any, task: Any, s: Any, spot: Any, n_actions: Any) -> Any:
+    """The best call of a task in a state: ``_best``, once all that it may call there has a value."""
+    if graph.reach[task] == TASKS and kept.stale[s]:
+        _settle(graph, own, outer, kept.value, spot, n_actions)
+        kept.stale[s] = False
+    return _best(graph, own, kept.value, spot, spot.tasks + task)
 
 
 @compiled_inline
-def _look(graph: Any, own: Any, outer: Any, value: Any, task: Any, spot: Any, n_actions: Any) -> Any:
-    """The best call of a task in a state: ``_best``, once all that it may call there has a value."""
-    reach, place = graph.reach[task], spot.tasks + task
-    if reach == MOVES_IN_ORDER:
-        best, entry, slot, ties = _best_move(own, value, spot.row + uint64(graph.begin[place]), spot.at, n_actions)
-    else:
-        if reach == TASKS and _is_unsettled(graph, value, spot, n_actions):
-            _settle(graph, own, outer, value, spot, n_actions)
-        best, entry, slot, ties = _best(graph, own, value, spot, place)
-    return best, entry, slot, ties
+def _learn(own: Any, outer: Any, visits: Any, alpha: Any, e: Any, target: Any, seen: Any) -> Any:
+    """Move a completion towards what was seen of it; whether that changed anything."""
+    if visits is not None:
+        alpha = next_rate(visits, e)
+    before = own[e]
+    own[e] = before + alpha * (target - before)
+    changed = own[e] != before
+    if outer is not None:
+        before = outer[e]
+        outer[e] = before + alpha * (seen - before)
+        changed |= outer[e] != before
+    return changed
+
+
+@compiled_inline
+def _learn_reward(value: Any, visits: Any, alpha: Any, at: Any, row: Any, reward: Any) -> Any:
+    """Move what is expected of a move towards its reward; whether that changed anything."""
+    if visits is not None:
+        alpha = next_rate(visits, row)
+    before = value[at]
+    value[at] = before + alpha * (reward - before)
+    return value[at] != before
 
 
 @compiled_part
 def _pick(
-    slot: Any,
-    own: Any,
-    value: Any,
-    low: Any,
-    high: Any,
-    shift: Any,
-    at: Any,
-    best: Any,
-    ties: Any,
-    exploring: Any,
+    slot: Any, own: Any, value: Any, low: Any, high: Any, shift: Any, at: Any, best: Any, ties: Any, exploring: Any,
     u: Any,
-) -> Any:
+) -> Any:  # fmt: skip
     """An entry of low..high, each as likely: any that is open when exploring, otherwise one worth ``best``."""
     count = ties
     if exploring:
@@ -225,11 +232,11 @@ def _pick(
 
 
 @compiled_inline
-def _forget(graph: Any, value: Any, task: Any, spot: Any) -> None:
-    """What a task is worth in a state has to be worked out anew, and what those are that call it."""
-    value[spot.at + uint64(graph.place[spot.tasks + task])] = np.nan
-    for x in range(uint64(graph.caller_start[task]), uint64(graph.caller_start[task + uint64(1)])):
-        value[spot.at + uint64(graph.place[spot.tasks + uint64(graph.caller[x])])] = np.nan
+def _caller(calls: Any, depth: Any, t: Any, gamma: Any, powers: Any) -> Any:
+    """The call that was open below the one that is over: (task, entry, state, gamma to the power of its steps)."""
+    passed = t - calls.when[depth]
+    discount = powers[uint64(passed)] if passed < powers.size else gamma**passed
+    return uint64(calls.task[depth]), uint64(calls.entry[depth]), uint64(calls.state[depth]), discount
 
 
 @compiled_bare
@@ -246,14 +253,13 @@ def run_steps(
     starts: Any,
     own: Any,
     outer: Any,
-    value: Any,
+    kept: Any,
     progress: Any,
     n_steps: Any,
 ) -> Any:
     """Run up to n_steps steps; the world, ``actions``, ``starts`` and what is returned as in ``learning``.
 
     pseudo and outer are None where no task has a pseudo-reward.
-    value: see ``Graph.value_first``; of a move, the reward expected of it; of a task, nan where it is not known.
     visits: Visits of each entry of own (and outer), then of each of the S * A moves; or None for rates.alpha.
     """
     n_actions = len(actions)
@@ -263,6 +269,9 @@ def run_steps(
     depth = progress.whole[DEPTH]
     s, task = uint64(at), uint64(calls.task[max(depth, 0)])
     here = _spot(graph, s)
+    value, stale, powers = kept.value, kept.stale, kept.powers
+    for n in range(powers.size):
+        powers[n] = gamma**n
     episodes = progress.steps.size
     done = 0
     # The best call of the running task in s, once looked for: its worth, entry and slot, and how many are as good
@@ -273,70 +282,90 @@ def run_steps(
             total, depth, task, known = 0.0, int64(0), uint64(0), False
             calls.task[0] = 0
             here = _spot(graph, s)
-        while True:  # down to a move
-            u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
-            exploring = (u >> uint64(32)) < explore
-            if not known and not exploring:
-                best, entry, slot, ties = _look(graph, own, outer, value, task, here, n_actions)
-            known = False
-            if exploring or ties > 1:
-                low, high = (
-                    here.row + uint64(graph.begin[here.tasks + task]),
-                    here.row + uint64(graph.end[here.tasks + task]),
-                )
-                shift = uint64(graph.child_start[here.kind]) - here.row
-                entry = _pick(graph.slot, own, value, low, high, shift, here.at, best, ties, exploring, u)
-                slot = uint64(graph.slot[entry + shift])
-            if slot < uint64(n_actions):
-                break
-            calls.entry[depth], calls.state[depth], calls.when[depth] = entry, s, t
-            depth += 1
-            task = uint64(graph.order[uint64(graph.order_start[here.kind]) + slot - uint64(n_actions)])
-            calls.task[depth] = task
-        e, origin, there, discount = entry, s, here, gamma
-        s, over, reward, r0, r1, r2, r3 = moved_on(grid, slip, table, s, slot, n_actions, r0, r1, r2, r3)
-        if visits is not None:
-            alpha = next_rate(visits, uint64(own.size) + origin * uint64(n_actions) + slot)
-        before = value[there.at + slot]
-        after = before + alpha * (reward - before)
-        if after != before:
-            value[there.at + slot] = after
-            for x in range(graph.order_start[there.kind + uint64(1)] - graph.order_start[there.kind]):
-                value[there.at + uint64(n_actions) + uint64(x)] = np.nan
-        here = _spot(graph, s)
-        total += reward
-        t += 1
-        done += 1
-        while True:  # up from every task that is over
-            target, seen = 0.0, 0.0
-            if not over and graph.end[here.tasks + task] > graph.begin[here.tasks + task]:
-                best, entry, slot, ties = _look(graph, own, outer, value, task, here, n_actions)
-                known = best > -np.inf
-            if known:
-                target = discount * best
-                if outer is not None:
-                    seen = discount * (value[here.at + slot] + outer[entry])
-            if pseudo is not None and not known:
-                target = discount * _pseudo(pseudo, task, s)
-            if visits is not None:
-                alpha = next_rate(visits, e)
-            before = own[e]
-            own[e] = before + alpha * (target - before)
-            changed = own[e] != before
-            if outer is not None:
-                before = outer[e]
-                outer[e] = before + alpha * (seen - before)
-                changed |= outer[e] != before
-            if changed and task != uint64(0):
-                _forget(graph, value, task, there)
-            if known:
-                known = origin != s  # there, what was just learned may have changed it
-                break
-            depth -= 1
-            if depth < 0:
-                break
-            task, e, origin = uint64(calls.task[depth]), uint64(calls.entry[depth]), uint64(calls.state[depth])
-            there, discount = _spot(graph, origin), gamma ** (t - calls.when[depth])
+        until, over = min(rates.max_steps, t + n_steps - done), False
+        done -= t
+        while not over and t < until:
+            while graph.reach[task] != MOVES_IN_ORDER:  # down to a move, or to a task that calls nothing else
+                u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
+                exploring = (u >> uint64(32)) < explore
+                if not known and not exploring:
+                    best, entry, slot, ties = _look(graph, own, outer, kept, task, s, here, n_actions)
+                known = False
+                if exploring or ties > 1:
+                    place = here.tasks + task
+                    low, high = here.row + uint64(graph.begin[place]), here.row + uint64(graph.end[place])
+                    shift = uint64(graph.child_start[here.kind]) - here.row
+                    entry = _pick(graph.slot, own, value, low, high, shift, here.at, best, ties, exploring, u)
+                    slot = uint64(graph.slot[entry + shift])
+                if slot < uint64(n_actions):
+                    break
+                calls.entry[depth], calls.state[depth], calls.when[depth] = entry, s, t
+                depth += 1
+                task = uint64(graph.order[uint64(graph.order_start[here.kind]) + slot - uint64(n_actions)])
+                calls.task[depth] = task
+            goes_on = False
+            if graph.reach[task] != MOVES_IN_ORDER:
+                e, origin = entry, s
+                s, over, reward, r0, r1, r2, r3 = moved_on(grid, slip, table, s, slot, n_actions, r0, r1, r2, r3)
+                row = uint64(own.size) + origin * uint64(n_actions) + slot
+                stale[origin] |= _learn_reward(value, visits, alpha, here.at + slot, row, reward)
+                here, changed = _spot(graph, s), False
+                total += reward
+                t += 1
+            else:
+                low = here.row + uint64(graph.begin[here.tasks + task])
+                while not goes_on:
+                    if not known:
+                        best, entry, slot, ties = _best_move(own, value, low, here.at, n_actions)
+                    u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
+                    exploring = (u >> uint64(32)) < explore
+                    if exploring or ties > 1:
+                        shift = uint64(graph.child_start[here.kind]) - here.row
+                        high = low + uint64(n_actions)
+                        entry = _pick(graph.slot, own, value, low, high, shift, here.at, best, ties, exploring, u)
+                        slot = entry - low
+                    e, origin, move_at = entry, s, here.at + slot
+                    s, over, reward, r0, r1, r2, r3 = moved_on(grid, slip, table, s, slot, n_actions, r0, r1, r2, r3)
+                    row = uint64(own.size) + origin * uint64(n_actions) + slot
+                    changed = _learn_reward(value, visits, alpha, move_at, row, reward)
+                    here = _spot(graph, s)
+                    total += reward
+                    t += 1
+                    begin = graph.begin[here.tasks + task]
+                    if over or begin < 0:
+                        break
+                    low = here.row + uint64(begin)
+                    best, entry, slot, ties = _best_move(own, value, low, here.at, n_actions)
+                    if best == -np.inf:
+                        break
+                    seen = 0.0
+                    if outer is not None:
+                        seen = gamma * (value[here.at + slot] + outer[entry])
+                    stale[origin] |= _learn(own, outer, visits, alpha, e, gamma * best, seen) | changed
+                    known = origin != s  # there, what was just learned may have changed it
+                    goes_on = t >= until
+            # What left the loop of its own is over, without another look
+            discount, ended_here = gamma, over or graph.reach[task] == MOVES_IN_ORDER
+            while not goes_on and depth >= 0:  # up from every task that is over
+                target, seen = 0.0, 0.0
+                if not ended_here and graph.begin[here.tasks + task] >= 0:
+                    best, entry, slot, ties = _look(graph, own, outer, kept, task, s, here, n_actions)
+                    goes_on = best > -np.inf
+                if goes_on:
+                    target = discount * best
+                    if outer is not None:
+                        seen = discount * (value[here.at + slot] + outer[entry])
+                if pseudo is not None and not goes_on:
+                    target = discount * _pseudo(pseudo, task, s)
+                changed |= _learn(own, outer, visits, alpha, e, target, seen) and task != uint64(0)
+                stale[origin] |= changed
+                known = goes_on and origin != s  # there, what was just learned may have changed it
+                if not goes_on:
+                    depth -= 1
+                    if depth >= 0:
+                        task, e, origin, discount = _caller(calls, depth, t, gamma, powers)
+                        changed, ended_here = False, over
+        done += t
         if over or t >= rates.max_steps:
             t, episode = ended(progress, t, episode, total)
     left_off(progress, r0, r1, r2, r3, s, t, episode, total)
@@ -345,10 +374,10 @@ def run_steps(
 
 
 @compiled_bare
-def poll(graph: Any, own: Any, outer: Any, value: Any, actions: Any, begins: Any, polled: Any) -> None:
+def poll(graph: Any, own: Any, outer: Any, kept: Any, actions: Any, begins: Any, polled: Any) -> None:
     """Work out V of every task in every state, and what each move is worth: the best greedy way that begins with it.
 
-    value is updated; polled (S, A) is written: -inf where no way begins so, 0 where nothing may be called.
+    polled (S, A) is written: -inf where no way begins so, 0 where nothing may be called.
     begins: room for the move that each task begins with in a state, as long as the longest row of values.
     """
     n_actions = len(actions)
@@ -356,10 +385,11 @@ def poll(graph: Any, own: Any, outer: Any, value: Any, actions: Any, begins: Any
         begins[a] = a
     for s in range(len(polled)):
         spot = _spot(graph, s)
-        _settle(graph, own, outer, value, spot, n_actions)
+        _settle(graph, own, outer, kept.value, spot, n_actions)
+        kept.stale[s] = False
         tasks = uint64(graph.order_start[spot.kind])
         for x in range(uint64(graph.order_start[spot.kind + uint64(1)]) - tasks):
-            _, _, slot, _ = _best(graph, own, value, spot, spot.tasks + uint64(graph.order[tasks + uint64(x)]))
+            _, _, slot, _ = _best(graph, own, kept.value, spot, spot.tasks + uint64(graph.order[tasks + uint64(x)]))
             begins[uint64(n_actions) + uint64(x)] = begins[slot]
         polled[s] = -np.inf
         found = -np.inf
@@ -368,7 +398,7 @@ def poll(graph: Any, own: Any, outer: Any, value: Any, actions: Any, begins: Any
             seen = outer
         for e in range(uint64(graph.begin[spot.tasks]), uint64(graph.end[spot.tasks])):
             slot = uint64(graph.slot[uint64(graph.child_start[spot.kind]) + e])
-            worth = value[spot.at + slot] + seen[spot.row + e]
+            worth = kept.value[spot.at + slot] + seen[spot.row + e]
             polled[s, begins[slot]] = max(polled[s, begins[slot]], worth)
             found = max(found, worth)
         if found == -np.inf:

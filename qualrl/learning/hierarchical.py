@@ -52,6 +52,9 @@ from qualrl.models.landmark_ways import LandmarkWays
 from qualrl.models.once import once
 from qualrl.models.task_graph import TaskGraph, open_rows
 
+LISTED_POWERS = 64
+"""Powers of gamma that need not be worked out: for calls of fewer steps, which most are."""
+
 
 def task_learner(
     model: HybridMDP, rule: LearningRule, settings: LearnSettings, seed: int
@@ -131,24 +134,15 @@ class MaxqLearner:
         self.progress = fresh_progress(settings.episodes, seed)
         self._world = kernel_world(model)
         self._actions = (0,) * model.world.n_actions
-        order_start, order = self.graph.bottom_up
-        self._value_first = np.arange(len(model)) * model.world.n_actions
-        self._value_first[1:] += np.cumsum(np.diff(order_start)[self.graph.kind_of])[:-1]
-        self._graph = graph_kernel.Graph(
-            self.graph.first, self.graph.kind_of, self.graph.begin.ravel(), self.graph.end.ravel(),
-            self.graph.child_start[:-1], self.graph.slot, order_start, order, self.graph.reach, self._value_first,
-            self.graph.place.ravel(), *self.graph.callers,
-        )  # fmt: skip
+        self._graph, self._pseudo = self.graph.for_loop
         stack = np.zeros((4, self.graph.depth), np.int64)
         self._calls = graph_kernel.Calls(stack[0], stack[1], stack[2], stack[3])
         self.own = np.where(self.graph.open, 0.0, -np.inf)
         """(W,) completions as each task goes by them."""
         self.outer = self.own.copy() if self.graph.has_pseudo_rewards else None
         """(W,) completions as others see them; None where the two are the same."""
-        self._pseudo = _pseudo(self.graph) if self.graph.has_pseudo_rewards else None
-        moves = len(model) * model.world.n_actions
-        self._value = np.full(moves + np.diff(order_start)[self.graph.kind_of].sum(), np.nan)
-        self._value[self._value_first[:, None] + np.arange(model.world.n_actions)] = 0.0
+        moves, tasks = len(model) * model.world.n_actions, np.diff(self.graph.bottom_up[0])[self.graph.kind_of].sum()
+        self._kept = graph_kernel.Kept(np.zeros(moves + tasks), np.ones(len(model), np.bool_), np.empty(LISTED_POWERS))
         self._is_settled = False
         self._visits, self._rates = _rates(model, settings, self.own.size + moves)
 
@@ -157,7 +151,7 @@ class MaxqLearner:
         self._is_settled = False
         made: int = graph_kernel.run_steps(
             *self._world, self._graph, self._pseudo, self._calls, self._visits, self._rates, self._actions,
-            self.model.starts, self.own, self.outer, self._value, self.progress, n_steps,
+            self.model.starts, self.own, self.outer, self._kept, self.progress, n_steps,
         )  # fmt: skip
         return made
 
@@ -169,14 +163,14 @@ class MaxqLearner:
         """What ``kernels.task_graph.poll`` finds; from then on V of every task is known in every state."""
         polled = np.empty((len(self.model), len(self._actions)))
         begins = np.empty(len(self._actions) + len(self.graph), np.int64)
-        graph_kernel.poll(self._graph, self.own, self.outer, self._value, self._actions, begins, polled)
+        graph_kernel.poll(self._graph, self.own, self.outer, self._kept, self._actions, begins, polled)
         self._is_settled = True
         return polled
 
     @property
     def move_value(self) -> NDArray[np.float64]:
         """(S, A) expected reward of each move."""
-        found: NDArray[np.float64] = self._value[self._value_first[:, None] + np.arange(self.model.world.n_actions)]
+        found: NDArray[np.float64] = self._kept.value[self.graph.value_first[:, None] + np.arange(len(self._actions))]
         return found
 
     def value_of(self, state: int, call: int) -> float:
@@ -187,31 +181,35 @@ class MaxqLearner:
         """V of what some entries of a state's row call."""
         if not self._is_settled:
             self._poll()
-        start = self.graph.child_start[self.graph.kind_of[state]]
-        found: NDArray[np.float64] = self._value[
-            self._value_first[state] + self._graph.slot[start + begin : start + end]
+        graph = self.graph
+        start = graph.child_start[graph.kind_of[state]]
+        found: NDArray[np.float64] = self._kept.value[
+            graph.value_first[state] + graph.slot[start + begin : start + end]
         ]
         return found
 
+    def _best_entry(self, task: int, state: int) -> int:
+        """The entry of a task in a state that is worth most, after the first of the row; -1 where the task is over."""
+        graph, kind, row = self.graph, self.graph.kind_of[state], self.graph.first[state]
+        begin, end = graph.begin[kind, task], graph.end[kind, task]
+        if begin == end:
+            return -1
+        worth = self._values(state, begin, end) + self.own[row + begin : row + end]
+        best = int(worth.argmax())
+        return int(begin) + best if worth[best] > -np.inf else -1
+
     def greedy_step(self, state: int, running: tuple[int, ...] | None) -> tuple[tuple[int, ...], int, bool]:
         """The greedy step: (tasks that run now below the root, move, whether the first was chosen just now)."""
-        graph, kind, row = self.graph, self.graph.kind_of[state], self.graph.first[state]
-
-        def values(task: int) -> NDArray[np.float64]:
-            begin, end = graph.begin[kind, task], graph.end[kind, task]
-            return self._values(state, begin, end) + self.own[row + begin : row + end]
-
-        stack = list(running or ())
-        while stack and values(stack[-1]).max(initial=-np.inf) == -np.inf:
+        graph, stack = self.graph, [0, *(running or ())]
+        while (entry := self._best_entry(stack[-1], state)) < 0:
             stack.pop()
-        fresh = not stack
+        fresh = len(stack) == 1
         while True:
-            task = stack[-1] if stack else 0
-            entry = graph.begin[kind, task] + values(task).argmax()
-            child = int(graph.child[graph.child_start[kind] + entry])
+            child = int(graph.child[graph.child_start[graph.kind_of[state]] + entry])
             if child < graph.n_actions:
-                return tuple(stack), child, fresh
+                return tuple(stack[1:]), child, fresh
             stack.append(child - graph.n_actions)
+            entry = self._best_entry(stack[-1], state)
 
 
 @once
@@ -267,11 +265,3 @@ def _policy(ways: LandmarkWays, first: NDArray[np.int64], may: NDArray[np.bool_]
         policy[row + k + np.arange(ways.n_actions)] = np.arange(ways.n_actions)
     policy[~may] = kernel.NONE
     return policy
-
-
-def _pseudo(graph: TaskGraph) -> graph_kernel.Pseudo:
-    listed = [sorted(amounts.items()) for amounts in graph.pseudo]
-    start = np.concatenate([[0], np.cumsum([len(pairs) for pairs in listed])])
-    state = np.array([state for pairs in listed for state, _ in pairs], np.int64)
-    amount = np.array([amount for pairs in listed for _, amount in pairs], np.float64)
-    return graph_kernel.Pseudo(graph.pseudo_otherwise, start, state, amount)

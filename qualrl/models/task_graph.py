@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.errors import SettingError, UnknownNameError, did_you_mean
-from qualrl.kernels.task_graph import MOVES, MOVES_IN_ORDER, TASKS
+from qualrl.kernels.task_graph import MOVES, MOVES_IN_ORDER, TASKS, Graph, Pseudo
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.landmark_ways import LandmarkWays
 from qualrl.models.tabular_mdp import TabularMDP
@@ -73,16 +73,6 @@ class TaskGraph:
         return int(nx.dag_longest_path_length(self._called)) + 1
 
     @cached_property
-    def callers(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-        """(start, caller): the tasks that call task i, or one that does, are caller[start[i]] .. caller[start[i + 1]].
-
-        The root is left out: nobody asks what it is worth.
-        """
-        above = [sorted(nx.ancestors(self._called, task) - {0}) for task in range(len(self))]
-        start = np.concatenate([[0], np.cumsum([len(found) for found in above])])
-        return start, np.array([task for found in above for task in found], np.int32)
-
-    @cached_property
     def reach(self) -> NDArray[np.uint8]:
         """(T,) how far down a task calls: TASKS, MOVES, or MOVES_IN_ORDER for all moves wherever it lives."""
         task, x, child = self._entries
@@ -134,13 +124,37 @@ class TaskGraph:
         found[kind, order] = self.n_actions + np.arange(len(order)) - start[kind]
         return found
 
-    @property
+    @cached_property
     def slot(self) -> NDArray[np.int32]:
         """(like child) the place of the value of what an entry calls."""
         kind = np.repeat(np.arange(len(self.begin)), np.diff(self.child_start))
         return np.where(
             self.child < self.n_actions, self.child, self.place[kind, np.maximum(self.child - self.n_actions, 0)]
         )
+
+    @cached_property
+    def value_first(self) -> NDArray[np.int64]:
+        """(S,) where the values of each state begin in a loop's: of the A moves, then of the tasks of bottom_up."""
+        many = self.n_actions + np.diff(self.bottom_up[0])[self.kind_of]
+        found: NDArray[np.int64] = np.cumsum(many) - many
+        return found
+
+    @cached_property
+    def for_loop(self) -> tuple[Graph, Pseudo | None]:
+        """The graph as a compiled loop takes it."""
+        spot = np.stack([self.kind_of, self.first[:-1], self.value_first], axis=1).ravel()
+        begin = np.where(self.end > self.begin, self.begin, -1).ravel().astype(np.int32)
+        graph = Graph(
+            spot, begin, self.end.ravel(), self.child_start[:-1], self.slot, *self.bottom_up, self.reach
+        )  # fmt: skip
+        return graph, self._listed_pseudo() if self.has_pseudo_rewards else None
+
+    def _listed_pseudo(self) -> Pseudo:
+        listed = [sorted(amounts.items()) for amounts in self.pseudo]
+        start = np.concatenate([[0], np.cumsum([len(pairs) for pairs in listed])])
+        state = np.array([state for pairs in listed for state, _ in pairs], np.int64)
+        amount = np.array([amount for pairs in listed for _, amount in pairs], np.float64)
+        return Pseudo(self.pseudo_otherwise, start, state, amount)
 
     @classmethod
     def from_tasks(cls, tasks: Sequence[Task], world: GridWorld | TabularMDP) -> "TaskGraph":
@@ -176,37 +190,47 @@ class TaskGraph:
     ) -> "TaskGraph":
         """The root calls "go to landmark l within region g", which calls moves.
 
+        Kinds of states in none of which the root may make a single move have no entries for that.
+
         failing: pseudo-reward of such a task for ending neither at its landmark nor where the episode ends.
         primitives: whether the root may also make single moves everywhere, or only where no task leads on.
         """
         n_actions, moves = ways.n_actions, np.arange(ways.n_actions)
         n_kinds, k_of = len(ways.option_start) - 1, np.diff(ways.option_start)
-        width = k_of * (1 + n_actions) + n_actions
+        single = (ways.stuck | primitives) & ~ways.terminal
+        moved = (np.bincount(ways.kind_of[single], minlength=n_kinds) > 0) | (k_of == 0)
+        width = k_of * (1 + n_actions) + n_actions * moved
         begin = np.zeros((n_kinds, 1 + len(ways)), np.int32)
         end, child = np.zeros_like(begin), list[NDArray[np.int64]]()
         for kind, k in enumerate(k_of.tolist()):
             options = ways.option[ways.option_start[kind] : ways.option_start[kind + 1]]
-            end[kind, 0] = k + n_actions
-            begin[kind, 1 + options] = k + n_actions + np.arange(k) * n_actions
+            end[kind, 0] = k + n_actions * moved[kind]
+            begin[kind, 1 + options] = end[kind, 0] + np.arange(k) * n_actions
             end[kind, 1 + options] = begin[kind, 1 + options] + n_actions
-            child.append(np.concatenate([n_actions + 1 + options, moves, np.tile(moves, k)]))
+            child.append(np.concatenate([n_actions + 1 + options, np.tile(moves, moved[kind] + k)]))
         first = np.concatenate([[0], np.cumsum(width[ways.kind_of])])
         ended = {int(s): 0.0 for s in np.flatnonzero(ways.terminal)}
         at = [dict.fromkeys(np.flatnonzero(landmark_of == mark).tolist(), 0.0) for mark in ways.landmark.tolist()]
         return cls(
             ("root", *ways.names), n_actions, ways.kind_of, first, begin, end,
             np.concatenate([[0], np.cumsum(width)]), np.concatenate(child).astype(np.int32),
-            open_rows(ways, first, ways.stuck | primitives), np.array([0.0] + [failing] * len(ways)),
+            open_rows(ways, first, single, moved=moved), np.array([0.0] + [failing] * len(ways)),
             ({}, *(ended | here for here in at)),
         )  # fmt: skip
 
 
 def open_rows(
-    ways: LandmarkWays, first: NDArray[np.int64], single: NDArray[np.bool_], towards: bool = False, blocks: bool = True
+    ways: LandmarkWays,
+    first: NDArray[np.int64],
+    single: NDArray[np.bool_],
+    towards: bool = False,
+    blocks: bool = True,
+    moved: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.bool_]:
     """(W,) for rows of K options, A moves and (``blocks``) K times A moves of an option: what may be chosen.
 
     single (S,): where single moves may be chosen; nothing may in a terminal state.
+    moved (C,): in which kinds rows have the A moves, when not in all.
     towards: whether an option may only make moves that most often lead nearer to its landmark, or elsewhere but
     not farther from it; without it, it may make any.
     """
@@ -217,12 +241,15 @@ def open_rows(
         steps = ways.table(ways.steps, kind)
         may = (steps > 0) & ~ways.terminal[states][:, None]
         found[row + np.arange(k)] = may
-        found[row + k + np.arange(n_actions)] = (single & ~ways.terminal)[states][:, None]
+        top = k
+        if moved is None or moved[kind]:
+            found[row + k + np.arange(n_actions)] = (single & ~ways.terminal)[states][:, None]
+            top += n_actions
         if blocks:
             allowed = np.repeat(may[:, :, None], n_actions, axis=2)
             if towards:
                 allowed &= _no_farther(ways, kind, states)
-            found[row + k + n_actions + np.arange(k * n_actions)] = allowed.reshape(len(states), -1)
+            found[row + top + np.arange(k * n_actions)] = allowed.reshape(len(states), -1)
     return found
 
 
