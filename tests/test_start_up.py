@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from qualrl.commands.main import IN_SHORT, loaded
 from qualrl.kernels import linking
 from qualrl.learning.relevant import on_closed_ways
 
@@ -21,6 +22,16 @@ model = qualrl.load_scenario("puzzle").build()
 qualrl.train(model, {algorithm!r}, episodes=2).plan()
 """
 LOADED = f"print([name for name in {HEAVY} if name in sys.modules])"
+HELP = """
+import sys
+from qualrl.commands.main import main
+sys.argv[1:] = {arguments!r}
+try:
+    main()
+except SystemExit as ended:
+    print(ended.code)
+print([name for name in sys.modules if name.startswith(("qualrl.", "numpy"))])
+"""
 OTHERS_CODE = """
 import numba, numpy as np
 own = numba.njit(lambda a: a @ np.ascontiguousarray(np.linalg.inv(a)) + np.cov(a))
@@ -62,6 +73,19 @@ def output_of(code: str) -> list[str]:
 @pytest.mark.parametrize("algorithm", ["q-learning", "hql", "hql-replay"])
 def test_learning_and_planning_load_nothing_heavy_that_they_do_not_need(algorithm):
     assert output_of(LEARN.format(algorithm=algorithm) + LOADED) == ["[]"]
+
+
+def test_help_names_every_command_and_loads_none_of_them():
+    *told, code, modules = output_of(HELP.format(arguments=["--help"]))
+    assert [line.split()[0] for line in told if line.startswith("  ") and line.split()[0] in IN_SHORT] == list(IN_SHORT)
+    assert (code, modules) == ("0", "['qualrl.commands', 'qualrl.commands.main']")
+
+
+@pytest.mark.parametrize("name", IN_SHORT)
+def test_a_command_that_is_called_has_its_name_and_tells_what_it_does(name):
+    command = loaded(name)
+    assert command.name == name
+    assert command.get_short_help_str()
 
 
 def test_code_of_others_compiles_with_linear_algebra_and_counted_references_as_without_us():
