@@ -32,6 +32,14 @@ except SystemExit as ended:
     print(ended.code)
 print([name for name in sys.modules if name.startswith(("qualrl.", "numpy"))])
 """
+LOOKED_FOR = """
+import sys
+before = set(sys.modules)  # coverage, if this is measured by it
+import qualrl.kernels.jit
+print([name for name in ("scipy", "coverage") if name in sys.modules.keys() - before])
+import coverage, scipy
+print([name for name in ("scipy", "coverage") if name in sys.modules])
+"""
 OTHERS_CODE = """
 import numba, numpy as np
 own = numba.njit(lambda a: a @ np.ascontiguousarray(np.linalg.inv(a)) + np.cov(a))
@@ -50,6 +58,10 @@ def counted(n):
     if n < 0:
         raise ValueError("n is below 0")
     return np.arange(n) + np.full(n, 2.0), n
+
+@compiled
+def twice(n):
+    return counted(n)[0].sum() + counted(n)[0].sum()
 """
 USED = """
 import sys, numpy as np
@@ -62,6 +74,7 @@ except ValueError as problem:
     print(problem)
 print("numba.np.arrayobj" in sys.modules)
 print(own.counted(np.int8(1))[0].sum() if {more} else 2.0)
+print(own.twice(3) if {more} else 18.0)
 """
 
 
@@ -88,6 +101,10 @@ def test_a_command_that_is_called_has_its_name_and_tells_what_it_does(name):
     assert command.get_short_help_str()
 
 
+def test_numba_is_loaded_without_what_it_only_looks_for_and_that_can_be_loaded_later():
+    assert output_of(LOOKED_FOR) == ["[]", "['scipy', 'coverage']"]
+
+
 def test_code_of_others_compiles_with_linear_algebra_and_counted_references_as_without_us():
     assert output_of("import qualrl.kernels.jit" + OTHERS_CODE) == ["True", "14"]
 
@@ -95,8 +112,8 @@ def test_code_of_others_compiles_with_linear_algebra_and_counted_references_as_w
 def test_machine_code_on_disk_is_used_without_the_compiler_and_more_can_be_compiled_after_it(tmp_path):
     (tmp_path / "own.py").write_text(OWN_LOOP)
     first, second, third = (output_of(USED.format(folder=str(tmp_path), more=more)) for more in (False, False, True))
-    assert first == ["9.0", "n is below 0", "True", "2.0"]
-    assert second == third == ["9.0", "n is below 0", "False", "2.0"]
+    assert first == ["9.0", "n is below 0", "True", "2.0", "18.0"]
+    assert second == third == ["9.0", "n is below 0", "False", "2.0", "18.0"]
 
 
 def test_a_learner_that_is_compiled_runs_without_the_compiler():
