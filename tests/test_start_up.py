@@ -51,7 +51,17 @@ print(sum(int(part.sum()) for part in made(4)))
 
 OWN_LOOP = """
 import numpy as np
-from qualrl.kernels.jit import compiled
+from qualrl.kernels.jit import compiled, compiled_bare, compiled_part
+
+@compiled_part
+def half(n):
+    if n < 0:
+        raise ValueError("half of what is below 0")
+    return n // 2
+
+@compiled_bare
+def quarter(n):
+    return half(half(n)) + half(0)
 
 @compiled
 def counted(n):
@@ -70,6 +80,11 @@ import own
 print(own.counted(3)[0].sum())
 try:
     own.counted(-1)
+except ValueError as problem:
+    print(problem)
+print(own.quarter(12))
+try:
+    own.quarter(-1)
 except ValueError as problem:
     print(problem)
 print("numba.np.arrayobj" in sys.modules)
@@ -112,8 +127,9 @@ def test_code_of_others_compiles_with_linear_algebra_and_counted_references_as_w
 def test_machine_code_on_disk_is_used_without_the_compiler_and_more_can_be_compiled_after_it(tmp_path):
     (tmp_path / "own.py").write_text(OWN_LOOP)
     first, second, third = (output_of(USED.format(folder=str(tmp_path), more=more)) for more in (False, False, True))
-    assert first == ["9.0", "n is below 0", "True", "2.0", "18.0"]
-    assert second == third == ["9.0", "n is below 0", "False", "2.0", "18.0"]
+    same = ["9.0", "n is below 0", "3", "half of what is below 0"]
+    assert first == [*same, "True", "2.0", "18.0"]
+    assert second == third == [*same, "False", "2.0", "18.0"]
 
 
 def test_a_learner_that_is_compiled_runs_without_the_compiler():

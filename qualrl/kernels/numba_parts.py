@@ -1,0 +1,46 @@
+"""Parts of loops, compiled as far as the loops that call them need it: not to machine code.
+
+numba would make machine code of each part, which nobody calls: it is the part's bitcode that goes into the loops.
+"""
+
+from typing import Any
+
+from numba.core import codegen
+from numba.core.compiler import Compiler
+
+CodeLibrary: Any = codegen.JITCodeLibrary
+KNOWN = hasattr(CodeLibrary, "_finalize_final_module")
+"""Whether numba has the names that this file relies on; one that has others compiles parts as anything else."""
+
+
+class PartCode(CodeLibrary):  # type: ignore[misc]
+    """The code of a part, to be linked into what calls it."""
+
+    def _finalize_final_module(self) -> None:
+        """Leave the optimised code as it is; numba makes machine code here."""
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Nowhere: there is no machine code."""
+        return 0
+
+    @property
+    def codegen(self) -> "PartCode":
+        """What is told of constants: see ``set_env``."""
+        return self
+
+    def set_env(self, name: str, environment: object) -> None:
+        """Nothing to do: only machine code that works with Python's objects looks up constants, and parts do not."""
+
+
+class PartCompiler(Compiler):
+    """numba's compiler, for a part."""
+
+    def compile_extra(self, function: Any) -> Any:
+        """Compile a Python function."""
+        self.state.library = PartCode(self.state.targetctx.codegen(), function.__qualname__)
+        return super().compile_extra(function)  # type: ignore[no-untyped-call]
+
+
+PART: dict[str, Any] = {"pipeline_class": PartCompiler} if KNOWN else {}
+"""What ``njit`` is told of a part."""
