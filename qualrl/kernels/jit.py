@@ -12,7 +12,7 @@ from typing import Any, TypeVar, cast
 from numba import njit
 
 from qualrl.kernels import numba_start
-from qualrl.kernels.numba_parts import PART
+from qualrl.kernels.numba_compile import LOOP, PART
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -37,7 +37,7 @@ def compiled_bare(function: Function) -> Function:
 
 
 def _on_disk(function: Function, options: dict[str, Any]) -> Function:
-    loop = njit(nogil=True, **options)(function)
+    loop = njit(nogil=True, **LOOP, **options)(function)
     numba_start.keep_on_disk(loop)
     return cast(Function, loop)
 
