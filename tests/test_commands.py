@@ -285,6 +285,11 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(here, expected):
     assert sorted(os.listdir(here)) == before
 
 
+@pytest.mark.parametrize("words", [(), ("prove",)])
+def test_a_command_line_that_asks_for_nothing_is_shown_the_help(here, words):
+    assert qualrl(*words, cwd=here, expect=2)[1] == qualrl(*words, "--help", cwd=here)[0]
+
+
 def test_every_mistake_in_a_scenario_is_told_at_once(here):
     (here / "bad.yaml").write_text("map: 7\ngaol: room B\nlearn:\n  gamma: 1.5\n  alpha: fast\n")
     _, err = command_here.qualrl("run", "bad.yaml", cwd=here, expect=2)

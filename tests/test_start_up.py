@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from qualrl.commands.main import IN_SHORT, loaded
 from qualrl.kernels import linking
 from qualrl.learning.relevant import on_closed_ways
 from tests import tracing
@@ -22,6 +23,24 @@ model = qualrl.load_scenario("puzzle").build()
 qualrl.train(model, {algorithm!r}, episodes=2).plan()
 """
 LOADED = f"print([name for name in {HEAVY} if name in sys.modules])"
+HELP = """
+import sys
+from qualrl.commands.main import main
+sys.argv[1:] = {arguments!r}
+try:
+    main()
+except SystemExit as ended:
+    print(ended.code)
+print([name for name in sys.modules if name.startswith(("qualrl.", "numpy"))])
+"""
+LOOKED_FOR = """
+import sys
+before = set(sys.modules)  # coverage, if this is measured by it
+import qualrl.kernels.jit
+print([name for name in ("scipy", "coverage") if name in sys.modules.keys() - before])
+import coverage, scipy
+print([name for name in ("scipy", "coverage") if name in sys.modules])
+"""
 OTHERS_CODE = """
 import numba, numpy as np
 own = numba.njit(lambda a: a @ np.ascontiguousarray(np.linalg.inv(a)) + np.cov(a))
@@ -33,13 +52,27 @@ print(sum(int(part.sum()) for part in made(4)))
 
 OWN_LOOP = """
 import numpy as np
-from qualrl.kernels.jit import compiled
+from qualrl.kernels.jit import compiled, compiled_bare, compiled_part
+
+@compiled_part
+def half(n):
+    if n < 0:
+        raise ValueError("half of what is below 0")
+    return n // 2
+
+@compiled_bare
+def quarter(n):
+    return half(half(n)) + half(0)
 
 @compiled
 def counted(n):
     if n < 0:
         raise ValueError("n is below 0")
     return np.arange(n) + np.full(n, 2.0), n
+
+@compiled
+def twice(n):
+    return counted(n)[0].sum() + counted(n)[0].sum()
 """
 USED = """
 import sys, numpy as np
@@ -50,8 +83,14 @@ try:
     own.counted(-1)
 except ValueError as problem:
     print(problem)
+print(own.quarter(12))
+try:
+    own.quarter(-1)
+except ValueError as problem:
+    print(problem)
 print("numba.np.arrayobj" in sys.modules)
 print(own.counted(np.int8(1))[0].sum() if {more} else 2.0)
+print(own.twice(3) if {more} else 18.0)
 """
 
 
@@ -67,6 +106,23 @@ def test_learning_and_planning_load_nothing_heavy_that_they_do_not_need(algorith
     assert output_of(LEARN.format(algorithm=algorithm) + LOADED) == ["[]"]
 
 
+def test_help_names_every_command_and_loads_none_of_them():
+    *told, code, modules = output_of(HELP.format(arguments=["--help"]))
+    assert [line.split()[0] for line in told if line.startswith("  ") and line.split()[0] in IN_SHORT] == list(IN_SHORT)
+    assert (code, modules) == ("0", "['qualrl.commands', 'qualrl.commands.main']")
+
+
+@pytest.mark.parametrize("name", IN_SHORT)
+def test_a_command_that_is_called_has_its_name_and_tells_what_it_does(name):
+    command = loaded(name)
+    assert command.name == name
+    assert command.get_short_help_str()
+
+
+def test_numba_is_loaded_without_what_it_only_looks_for_and_that_can_be_loaded_later():
+    assert output_of(LOOKED_FOR) == ["[]", "['scipy', 'coverage']"]
+
+
 def test_code_of_others_compiles_with_linear_algebra_and_counted_references_as_without_us():
     assert output_of("import qualrl.kernels.jit" + OTHERS_CODE) == ["True", "14"]
 
@@ -74,8 +130,9 @@ def test_code_of_others_compiles_with_linear_algebra_and_counted_references_as_w
 def test_machine_code_on_disk_is_used_without_the_compiler_and_more_can_be_compiled_after_it(tmp_path):
     (tmp_path / "own.py").write_text(OWN_LOOP)
     first, second, third = (output_of(USED.format(folder=str(tmp_path), more=more)) for more in (False, False, True))
-    assert first == ["9.0", "n is below 0", "True", "2.0"]
-    assert second == third == ["9.0", "n is below 0", "False", "2.0"]
+    same = ["9.0", "n is below 0", "3", "half of what is below 0"]
+    assert first == [*same, "True", "2.0", "18.0"]
+    assert second == third == [*same, "False", "2.0", "18.0"]
 
 
 def test_a_learner_that_is_compiled_runs_without_the_compiler():

@@ -1,40 +1,74 @@
-"""The ``qualrl`` command: its subcommands, each in a file of its own."""
+"""The ``qualrl`` command: its subcommands, each in a file of its own that is loaded when it is called."""
 
 import re
 import signal
 import sys
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
 from qualrl import __version__
-from qualrl.commands.check import check
-from qualrl.commands.convert import convert
-from qualrl.commands.describe import describe
-from qualrl.commands.envision import envision
-from qualrl.commands.how_sure import how_sure
-from qualrl.commands.learn import learn
-from qualrl.commands.learners import learners
-from qualrl.commands.plan import plan
-from qualrl.commands.prove import prove
-from qualrl.commands.reconcile import reconcile
-from qualrl.commands.reproduce import reproduce
-from qualrl.commands.robust import robust
-from qualrl.commands.route import route
-from qualrl.commands.run import run
-from qualrl.commands.schema import schema
-from qualrl.commands.show import show
-from qualrl.commands.signs import signs
-from qualrl.commands.summary import summary
-from qualrl.commands.warmup import warmup
-from qualrl.commands.what_if import what_if
-from qualrl.commands.which_matters import which_matters
-from qualrl.commands.why import why
-from qualrl.commands.why_not import why_not
-from qualrl.commands.why_unreachable import why_unreachable
+
+IN_SHORT = {
+    "run": "Map, model, learning, explained plan, pictures: all of it.",
+    "show": "Describe a scenario or a map: regions, doors, landmarks.",
+    "describe": "How regions lie to each other, or a route as one walks it.",
+    "check": "Check what a scenario claims of its map.",
+    "convert": "Map to hybrid MDP, pictures, graphs, a scenario to edit.",
+    "learn": "Learn a scenario, beside the exact optimum.",
+    "plan": "Plan between two places, and say why each step is taken.",
+    "why": "Why the plan takes this doorway and not the next best.",
+    "why-not": "Why the plan does not go by a place, and when it would.",
+    "what-if": "What a closed door, an opened wall or another number changes.",
+    "which-matters": "Which doorways and regions the plan hangs on.",
+    "why-unreachable": "What is in the way of the goal, and what would open it.",
+    "reconcile": "The smallest change that would make an expected plan best.",
+    "robust": "Which way is best while chances and times are uncertain.",
+    "signs": "Which way the plan's value goes when something grows.",
+    "envision": "What may happen on the way, each branch with its probability.",
+    "summary": "The best policy in a sentence a region, and exceptions.",
+    "how-sure": "What was learned beside exact values, and how firm it is.",
+    "route": "The shortest way between two places of a map.",
+    "learners": "List the learners and what each converges to.",
+    "schema": "Print the JSON Schema of scenario files, for editors.",
+    "reproduce": "Measure a figure of the paper again, and judge it.",
+    "warmup": "Compile the loops once, so that nothing waits later.",
+    "prove": "Prove or refute what a theorem asks for.",
+}
+"""What the help says of each subcommand, in its order."""
+
+
+class Subcommands(TyperGroup):
+    """The subcommands; the help knows them by name only, and what is called is loaded first."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        for name, in_short in IN_SHORT.items():
+            self.add_command(TyperCommand(name, short_help=in_short, rich_markup_mode=None))
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The subcommand that the words of a command line call, and the words left to it."""
+        if args[0] in IN_SHORT:
+            self.commands[args[0]] = loaded(args[0])
+        return super().resolve_command(ctx, args)
+
+
+def loaded(name: str) -> Any:
+    """A subcommand with its options, from the file that has its name."""
+    here = name.replace("-", "_")
+    command = getattr(import_module(f"qualrl.commands.{here}"), here)
+    if not isinstance(command, typer.Typer):
+        holder = typer.Typer(add_completion=False, rich_markup_mode=None)
+        holder.command(name)(command)
+        command = holder
+    return typer.main.get_command(command)
+
 
 app = typer.Typer(
     name="qualrl",
+    cls=Subcommands,
     no_args_is_help=True,
     rich_markup_mode=None,  # rich takes longer to import than all the rest
     pretty_exceptions_enable=False,
@@ -58,35 +92,6 @@ def qualrl(
     """Hold the options that stand before a subcommand."""
 
 
-for command, in_short in (
-    (run, "Map, model, learning, explained plan, pictures: all of it."),
-    (show, "Describe a scenario or a map: regions, doors, landmarks."),
-    (describe, "How regions lie to each other, or a route as one walks it."),
-    (check, "Check what a scenario claims of its map."),
-    (convert, "Map to hybrid MDP, pictures, graphs, a scenario to edit."),
-    (learn, "Learn a scenario, beside the exact optimum."),
-    (plan, "Plan between two places, and say why each step is taken."),
-    (why, "Why the plan takes this doorway and not the next best."),
-    (why_not, "Why the plan does not go by a place, and when it would."),
-    (what_if, "What a closed door, an opened wall or another number changes."),
-    (which_matters, "Which doorways and regions the plan hangs on."),
-    (why_unreachable, "What is in the way of the goal, and what would open it."),
-    (reconcile, "The smallest change that would make an expected plan best."),
-    (robust, "Which way is best while chances and times are uncertain."),
-    (signs, "Which way the plan's value goes when something grows."),
-    (envision, "What may happen on the way, each branch with its probability."),
-    (summary, "The best policy in a sentence a region, and exceptions."),
-    (how_sure, "What was learned beside exact values, and how firm it is."),
-    (route, "The shortest way between two places of a map."),
-    (learners, "List the learners and what each converges to."),
-    (schema, "Print the JSON Schema of scenario files, for editors."),
-    (reproduce, "Measure a figure of the paper again, and judge it."),
-    (warmup, "Compile the loops once, so that nothing waits later."),
-):
-    app.command(command.__name__.replace("_", "-"), short_help=in_short)(command)
-app.add_typer(prove, name="prove", short_help="Prove or refute what a theorem asks for.")
-
-
 def main() -> None:
     """Run the command.  SIGTERM ends it as Ctrl-C does, so that nothing half-written stays behind."""
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
@@ -95,8 +100,9 @@ def main() -> None:
     except Exception as error:
         if not hasattr(error, "format_message"):  # click's kind, wherever typer keeps it, says what to print
             raise
-        if error.format_message():  # else the help was shown
-            print(_usage(error), file=sys.stderr)
+        told = error.format_message()  # the help where nothing was asked, and nothing once that was shown
+        if told:
+            print(told if told.startswith("Usage:") else _usage(error), file=sys.stderr)
         sys.exit(2)
 
 

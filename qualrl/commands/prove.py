@@ -34,7 +34,13 @@ COUNTERS = {
 AVERAGING = "1/(1+k)"
 """The learning rate by which a mean is kept up to date."""
 
-prove = typer.Typer(no_args_is_help=True, help="Prove or refute what a theorem asks for, and show the certificate.")
+prove = typer.Typer(
+    name="prove",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    help="Prove or refute what a theorem asks for, and show the certificate.",
+)
 
 
 @guarded

@@ -21,6 +21,7 @@ from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP, hybrid_mdp
 from qualrl.models.levels import Grouping
 from qualrl.models.tabular_mdp import TabularMDP
+from qualrl.qualitative.graph import crossings_of
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.place import PlaceCell
 from qualrl.spatial.region_map import Doorway, Landmark, Region, RegionMap, Shape
@@ -56,7 +57,7 @@ def read_model(file: Path) -> HybridMDP:
         model = _unpack_map(about, arrays) if "map" in about else _unpack_table(about, arrays)
         coarser = tuple(Grouping(tuple(names), tuple(of)) for names, of in about.get("coarser", []))
         restored = replace(model, coarser=coarser) if coarser else model
-        if len(restored.levels) != 1 + len(coarser):  # built here, so that groups that do not fit are noticed here
+        if coarser and len(restored.levels) != 1 + len(coarser):  # built here: groups that do not fit are noticed here
             raise ValueError("levels")
         return restored
     except (KeyError, IndexError, TypeError, ValueError, QualrlError) as error:
@@ -174,6 +175,8 @@ def _unpack_map(about: dict[str, Any], arrays: Arrays) -> HybridMDP:
         ),
         tuple(about.get("lost", ())),
     )  # fmt: skip
+    if not all(crossings_of(regions, door) for door in regions.doorways):
+        raise ValueError("a doorway that no step leads through")
     model = hybrid_mdp(
         regions, PlaceCell(*world["goal"]), gamma=about["gamma"], slip=world["slip"],
         directions=world["directions"], step_reward=world["step_reward"], goal_reward=world["goal_reward"],

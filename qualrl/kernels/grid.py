@@ -7,34 +7,40 @@ from typing import Any
 
 import numpy as np
 
-from qualrl.kernels.jit import compiled
+from qualrl.kernels.jit import compiled_bare
 
 
-@compiled
 def cells_of(free: Any) -> Any:
     """(S, 2) int32 row and column of each free cell of an image (H, W), row by row."""
-    count = 0
-    for row in range(free.shape[0]):
-        for column in range(free.shape[1]):
-            count += free[row, column]
-    cells = np.empty((count, 2), np.int32)
+    cells = np.empty((np.count_nonzero(free), 2), np.int32)
+    _write_cells(free, cells)
+    return cells
+
+
+@compiled_bare
+def _write_cells(free: Any, cells: Any) -> None:
     count = 0
     for row in range(free.shape[0]):
         for column in range(free.shape[1]):
             if free[row, column]:
-                cells[count, 0], cells[count, 1] = row, column
+                cells[count, 0] = row
+                cells[count, 1] = column
                 count += 1
-    return cells
 
 
-@compiled
 def successors(state_of: Any, cells: Any, offsets: Any) -> Any:
     """(S, A) uint32: where each move leads; a move into a wall, or past a corner, leads back.
 
     offsets (A, 2): row and column of each move.  A diagonal move needs both cells beside it free.
     """
-    height, width = state_of.shape
     result = np.empty((cells.shape[0], offsets.shape[0]), np.uint32)
+    _write_successors(state_of, cells, offsets, result)
+    return result
+
+
+@compiled_bare
+def _write_successors(state_of: Any, cells: Any, offsets: Any, result: Any) -> None:
+    height, width = state_of.shape
     for s in range(cells.shape[0]):
         row, column = cells[s, 0], cells[s, 1]
         for a in range(offsets.shape[0]):
@@ -43,10 +49,8 @@ def successors(state_of: Any, cells: Any, offsets: Any) -> Any:
             inside = 0 <= r < height and 0 <= c < width
             if inside and state_of[r, c] >= 0 and state_of[row, c] >= 0 and state_of[r, column] >= 0:
                 result[s, a] = state_of[r, c]
-    return result
 
 
-@compiled
 def breadth_first(successor: Any, sources: Any) -> Any:
     """(order, steps): states by distance from the sources, and the number of moves to each, -1 if none leads there.
 
@@ -54,8 +58,16 @@ def breadth_first(successor: Any, sources: Any) -> Any:
     """
     steps = np.full(successor.shape[0], -1, np.int32)
     order = np.empty(successor.shape[0], np.int64)
+    end = _write_order(successor, sources, order, steps)
+    return order[:end], steps
+
+
+@compiled_bare
+def _write_order(successor: Any, sources: Any, order: Any, steps: Any) -> Any:
+    """How many states are reached; ``steps`` is -1 everywhere before."""
     end = 0
-    for s in sources:
+    for i in range(sources.size):
+        s = sources[i]
         if steps[s] < 0:
             steps[s] = 0
             order[end] = s
@@ -70,4 +82,4 @@ def breadth_first(successor: Any, sources: Any) -> Any:
                 steps[t] = steps[s] + 1
                 order[end] = t
                 end += 1
-    return order[:end], steps
+    return end

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled, compiled_part
+from qualrl.kernels.jit import compiled, compiled_bare, compiled_part
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -14,15 +14,19 @@ NEARLY = np.float32(0.8)
 """Cells of at least this share of the greatest depth may be a region's centre."""
 
 
-@compiled
-def steps_within(label: Any, centres: Any) -> Any:
+def steps_within(label: Ints, centres: Ints) -> Ints:
     """(H, W) int32: steps from centres[k] to each cell of region k without leaving it, -1 elsewhere.
 
     label (H, W), -1 outside every region; centres (K, 2) rows and columns.
     """
+    steps = np.full(label.shape, -1, np.int32)
+    _write_steps(label, centres, steps, np.empty((label.size, 2), np.int32))
+    return steps
+
+
+@compiled_bare
+def _write_steps(label: Ints, centres: Ints, steps: Ints, queue: Ints) -> None:
     height, width = label.shape
-    steps = np.full((height, width), -1, np.int32)
-    queue = np.empty((height * width, 2), np.int32)
     # Region by region: a queue of all would go round the whole map at every step, and memory with it.
     for k in range(centres.shape[0]):
         steps[centres[k, 0], centres[k, 1]] = 0
@@ -38,7 +42,6 @@ def steps_within(label: Any, centres: Any) -> Any:
                     steps[r, c] = steps[row, column] + 1
                     queue[end, 0], queue[end, 1] = r, c
                     end += 1
-    return steps
 
 
 def as_label(mask: NDArray[np.bool_]) -> NDArray[np.int8]:

@@ -8,7 +8,7 @@ changes.  Where to look for something new is decided apart from the values: see 
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import uint64
+from numba import int64, uint64
 from numpy.typing import NDArray
 
 from qualrl.kernels.experience import backed_up, row_of_outcome
@@ -142,7 +142,10 @@ def replay(
 ) -> Any:
     """Replay the regions in which something waits, the largest change first, as far as the budget goes."""
     while levels.budget[CREDIT] > 0 and levels.notes[WAITING] > 0:
-        region = np.argmax(levels.due)
+        region: Any = int64(0)
+        for other in range(1, levels.due.size):
+            if levels.due[other] > levels.due[region]:
+                region = other
         levels.due[region] = 0.0
         _replay_region(grid, slip, table, seen, levels, gamma, q, value, region, n_actions)
 
