@@ -12,7 +12,6 @@ from typing import Any, TypeVar, cast
 from numba import njit
 
 from qualrl.kernels import numba_start
-from qualrl.kernels.numba_compile import LOOP, PART
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -37,7 +36,7 @@ def compiled_bare(function: Function) -> Function:
 
 
 def _on_disk(function: Function, options: dict[str, Any]) -> Function:
-    loop = njit(nogil=True, **LOOP, **options)(function)
+    loop = njit(nogil=True, **options)(function)
     numba_start.keep_on_disk(loop)
     return cast(Function, loop)
 
@@ -47,13 +46,13 @@ def compiled_part(function: Function) -> Function:
 
     The way in from Python takes tuples of arrays apart, which is half of what a small part costs to compile.
     """
-    return cast(Function, njit(nogil=True, **PART, **UNCOUNTED, **NOT_FROM_C, **NOT_FROM_PYTHON)(function))
+    return cast(Function, njit(nogil=True, **UNCOUNTED, **NOT_FROM_C, **NOT_FROM_PYTHON)(function))
 
 
 def compiled_inline(function: Function) -> Function:
     """The same for a part that is called at each step with tuples of many arrays, which a call would copy."""
     inline: dict[str, Any] = {"forceinline": True}
-    return cast(Function, njit(nogil=True, **inline, **PART, **UNCOUNTED, **NOT_FROM_C, **NOT_FROM_PYTHON)(function))
+    return cast(Function, njit(nogil=True, **inline, **UNCOUNTED, **NOT_FROM_C, **NOT_FROM_PYTHON)(function))
 
 
 def forget_stale(folder: Path) -> None:
