@@ -36,8 +36,8 @@ MOTIONS = st.fixed_dictionaries(
 NUMBERED = re.compile(r"\b(way|passage) \d+", re.IGNORECASE)
 COMPARING = re.compile(
     r"\b(more|less|fewer|fewest|longer|longest|shorter|shortest|better|worse|smaller|smallest|larger|largest|greater"
-    r"|higher|lower|nearer|nearest|wider|likely|likelier|likeliest|least|most|worth|costs|lost|gained|exactly|above|below"
-    r"|grows|falls|as (long|much|good)|(for|against) it)\b",
+    r"|higher|lower|nearer|nearest|wider|likely|likelier|likeliest|least|most|worth|costs|lost|gained|exactly|above"
+    r"|below|grows|falls|as (long|much|good)|(for|against) it)\b",
     re.IGNORECASE,
 )
 LONGER = {-1: "shorter", 0: "as long", 1: "longer"}

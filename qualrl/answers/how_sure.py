@@ -29,14 +29,10 @@ from qualrl.solving.policy import greedy_walk
 
 ALIKE = 1e-9
 """Values that differ by less than this share are the same."""
-ORDERS = ("settled", "unsettled", "wrong", "equal", "untried")
 IN_WORDS = {
-    "settled": "settled",
-    "unsettled": "not settled",
-    "wrong": "wrong",
-    "equal": "equal",
-    "untried": "not both tried",
-}
+    "settled": "settled", "unsettled": "not settled", "wrong": "wrong", "equal": "equal", "untried": "not both tried",
+}  # fmt: skip
+ORDERS = tuple(IN_WORDS)
 SETTLED, UNSETTLED, WRONG, EQUAL, UNTRIED = range(5)
 
 
