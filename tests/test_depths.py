@@ -207,7 +207,7 @@ def test_envision(ends, motion):
         bounds = [(of["least"], of["most"]) for of in branches]
         assert len(kinds) == len(bounds)
         for kind, (least, _) in zip(kinds, bounds, strict=True):
-            assert kind == ("certain" if least > 1 - 1e-11 else "likely" if least > 0.5 else "possible")
+            assert kind == ("certain" if least >= 1 - 1e-12 else "likely" if least > 0.5 else "possible")
 
 
 @settings(deadline=None, max_examples=30)
