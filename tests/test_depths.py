@@ -178,6 +178,18 @@ def test_what_if_a_number_changes(ends, motion, changed):
         check_verdicts(signs.splitlines()[-1], document["contrast"], "the old one", "the new one")
 
 
+@pytest.mark.parametrize(("changed", "goes"), [({"gamma": 0.5}, "falls"), ({"slip": 0.4}, "grows")])
+def test_what_if_tells_which_way_a_number_must_go(changed, goes):
+    ends = ((9, 3), (2, 24)) if "gamma" in changed else ((1, 7), (8, 24))
+    answer = qualrl.questions.what_if(model_of(ends, {"gamma": 0.95, "directions": 8}), **changed)
+    (name,) = changed
+    signs, document = check_depths(answer).splitlines(), answer.to_dict()
+    assert f"The best way changes with {name} as it {goes}." in signs
+    assert f"The best way changes with {name}." in answer.explain("names").splitlines()
+    if document["contrast"] is not None:
+        check_verdicts(signs[-1], document["contrast"], "the old one", "the new one")
+
+
 @settings(deadline=None, max_examples=30)
 @given(ENDS, MOTIONS)
 def test_which_matters(ends, motion):
