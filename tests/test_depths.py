@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 import qualrl
 from qualrl.answers import reconcile
-from qualrl.answers.answer import SURELY
 from qualrl.answers.depth import Depth
 from qualrl.errors import NoPlanError, SettingError
 from qualrl.qualitative.plan_value import Course, Stretch, contrast
@@ -37,8 +36,8 @@ MOTIONS = st.fixed_dictionaries(
 NUMBERED = re.compile(r"\b(way|passage) \d+", re.IGNORECASE)
 COMPARING = re.compile(
     r"\b(more|less|fewer|fewest|longer|longest|shorter|shortest|better|worse|smaller|smallest|larger|largest|greater"
-    r"|higher|lower|nearer|nearest|wider|likely|likelier|likeliest|least|most|worth|costs|lost|gained|exactly|above|below"
-    r"|grows|falls|as (long|much|good)|(for|against) it)\b",
+    r"|higher|lower|nearer|nearest|wider|likely|likelier|likeliest|least|most|worth|costs|lost|gained|exactly|above"
+    r"|below|grows|falls|as (long|much|good)|(for|against) it)\b",
     re.IGNORECASE,
 )
 LONGER = {-1: "shorter", 0: "as long", 1: "longer"}
@@ -179,6 +178,18 @@ def test_what_if_a_number_changes(ends, motion, changed):
         check_verdicts(signs.splitlines()[-1], document["contrast"], "the old one", "the new one")
 
 
+@pytest.mark.parametrize(("changed", "goes"), [({"gamma": 0.5}, "falls"), ({"slip": 0.4}, "grows")])
+def test_what_if_tells_which_way_a_number_must_go(changed, goes):
+    ends = ((9, 3), (2, 24)) if "gamma" in changed else ((1, 7), (8, 24))
+    answer = qualrl.questions.what_if(model_of(ends, {"gamma": 0.95, "directions": 8}), **changed)
+    (name,) = changed
+    signs, document = check_depths(answer).splitlines(), answer.to_dict()
+    assert f"The best way changes with {name} as it {goes}." in signs
+    assert f"The best way changes with {name}." in answer.explain("names").splitlines()
+    if document["contrast"] is not None:
+        check_verdicts(signs[-1], document["contrast"], "the old one", "the new one")
+
+
 @settings(deadline=None, max_examples=30)
 @given(ENDS, MOTIONS)
 def test_which_matters(ends, motion):
@@ -208,7 +219,7 @@ def test_envision(ends, motion):
         bounds = [(of["least"], of["most"]) for of in branches]
         assert len(kinds) == len(bounds)
         for kind, (least, _) in zip(kinds, bounds, strict=True):
-            assert kind == ("certain" if least >= SURELY else "likely" if least > 0.5 else "possible")
+            assert kind == ("certain" if least >= 1 - 1e-12 else "likely" if least > 0.5 else "possible")
 
 
 @settings(deadline=None, max_examples=30)

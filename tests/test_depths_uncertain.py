@@ -57,6 +57,20 @@ def test_robust(ends, uncertain):
 
 
 @pytest.mark.parametrize(
+    ("known", "ways", "words"),
+    [
+        ({"doors": {"door 1": (0.3, 0.8)}}, (1, 2), "door 1 more likely open"),
+        ({"times": {"room A": (0.5, 1.6)}}, (2, 3), "room A taking less time"),
+        ({"times": {"room A": Samples((1.1, 0.9, 1.4))}}, (1, 4), "steps in room A taking less time"),
+    ],
+)
+def test_which_way_a_number_that_decides_must_go(known, ways, words):
+    answer = qualrl.questions.robust(model_of(((2, 2), (2, 24)), {"gamma": 0.95}), **known)
+    line = f"Possible: way {ways[0]} is better than way {ways[1]} with {words}, for others worse."
+    assert line in check_depths(answer).splitlines()
+
+
+@pytest.mark.parametrize(
     ("times", "words"),
     [
         ((1.0, 1.0), "as long"),

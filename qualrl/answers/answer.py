@@ -12,9 +12,8 @@ ALIKE = 1e-9
 WORTH = ("worth less", "worth as much", "worth more")
 LIKELY = 0.5
 """A probability above this is likely."""
-SURELY = 1 - 1e-12
-"""A probability above this, rounding aside, is 1."""
-
+IMPOSSIBLE = 1e-12
+"""Probabilities this small are rounding."""
 ROW_AND_COLUMN = re.compile(r"\brow \d+, column \d+ in | \(row \d+, column \d+\)")
 """Of a start or goal without a name of its own: told by its region alone where numbers are not."""
 
@@ -50,11 +49,11 @@ def in_sign(difference: float, of: float, words: tuple[str, str, str]) -> str:
 
 def likelihood(least: float, most: float) -> str:
     """What a probability between two bounds makes of something: impossible, possible, likely or certain."""
-    if most <= 1 - SURELY:
+    if most <= IMPOSSIBLE:
         return "impossible"
-    return "certain" if least >= SURELY else "likely" if least > LIKELY else "possible"
+    return "certain" if least >= 1 - IMPOSSIBLE else "likely" if least > LIKELY else "possible"
 
 
-def named(names: Sequence[str], most: int) -> str:
+def first_of(names: Sequence[str], most: int) -> str:
     """So many names of a list, and that there are others."""
     return ", ".join(names[:most]) + (" and others" if len(names) > most else "")

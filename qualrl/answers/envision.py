@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array, eye_array
 from scipy.sparse.linalg import splu
 
-from qualrl.answers.answer import SURELY, Answer, likelihood
+from qualrl.answers.answer import IMPOSSIBLE, Answer, likelihood
 from qualrl.answers.depth import Depth
 from qualrl.answers.policy import best_policy
 from qualrl.errors import NoPlanError, SettingError
@@ -38,8 +38,6 @@ LONGEST_SEARCH = 100_000
 """States that are gone through to find courses."""
 MOST_CELLS = 300_000
 """Of a region whose equations are solved: some gigabytes."""
-IMPOSSIBLE = 1e-12
-"""Probabilities this small are rounding."""
 
 State = tuple[int, int]
 """A region, and the doorway it was entered by."""
@@ -144,7 +142,7 @@ class Envisioned(Answer):
 def _bounds(least: float, most: float, depth: Depth) -> str:
     if depth != Depth.NUMBERS:
         return likelihood(least, most)
-    if least >= SURELY:
+    if least >= 1 - IMPOSSIBLE:
         return "surely"
     return f"{least:.3g}" if most - least < IMPOSSIBLE else f"{least:.3g} to {most:.3g}"
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from qualrl.answers.answer import Answer
 from qualrl.answers.depth import Depth
+from qualrl.answers.known import between
 from qualrl.answers.through import values_through
 from qualrl.errors import NoPlanError, SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
@@ -60,12 +61,12 @@ class RobustSlip(Answer):
 
     def lines(self, depth: Depth) -> Iterator[str]:
         """See Answer."""
-        slip = f"moves slip with a probability of {_between(*self.slip)}{self._counted()}"
+        slip = f"moves slip with a probability of {between(*self.slip)}{self._counted()}"
         at = depth.at_numbers(f" at gamma {self.gamma:g}")
         yield f"From {self.start} to {self.goal}{at}, {depth.at_numbers(slip, 'moves may slip')}."
         if depth == Depth.NUMBERS:
             for door, (least, most) in self.worth.items():
-                yield f"Leaving {self.region} by {door} is worth {_between(least, most)}."
+                yield f"Leaving {self.region} by {door} is worth {between(least, most)}."
         else:
             yield f"Ways to leave {self.region}: by {', by '.join(self.worth)}."
         if depth != Depth.NAMES:
@@ -218,7 +219,3 @@ def _verdicts_in_words(one: str, other: str, verdicts: Sequence[Verdict], depth:
     rest = [f"{of.low:.4g} to {of.high:.4g}" for of in verdicts if of.relation == UNDECIDED]
     undecided = f"; undecided from {', '.join(rest)}" if rest else ""
     return f"{how}: {', '.join(told)}{undecided}"
-
-
-def _between(low: float, high: float) -> str:
-    return f"{low:.6g} to {high:.6g}" if low < high else f"{low:.6g}"

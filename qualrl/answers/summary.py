@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.answers.answer import Answer, named
+from qualrl.answers.answer import Answer, first_of
 from qualrl.answers.depth import Depth
 from qualrl.errors import SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
@@ -235,7 +235,7 @@ def _closed_in_words(closed: Sequence[RegionRule], depth: Depth) -> str:
     """Regions from which no way leads on."""
     names = [rule.name for rule in closed]
     if depth != Depth.NUMBERS:
-        return named(names, MOST_CLOSED)
+        return first_of(names, MOST_CLOSED)
     more = f" and {len(closed) - MOST_CLOSED} more" if len(closed) > MOST_CLOSED else ""
     return f"{', '.join(names[:MOST_CLOSED])}{more} ({_cells(sum(rule.cells for rule in closed))})"
 

@@ -24,14 +24,10 @@ from qualrl.solving.exact import all_action_values
 
 ALIKE = 1e-9
 """Values that differ by less than this share are the same."""
-ORDERS = ("settled", "unsettled", "wrong", "equal", "untried")
 IN_WORDS = {
-    "settled": "settled",
-    "unsettled": "not settled",
-    "wrong": "wrong",
-    "equal": "equal",
-    "untried": "not both tried",
-}
+    "settled": "settled", "unsettled": "not settled", "wrong": "wrong", "equal": "equal", "untried": "not both tried",
+}  # fmt: skip
+ORDERS = tuple(IN_WORDS)
 SETTLED, UNSETTLED, WRONG, EQUAL, UNTRIED = range(5)
 
 

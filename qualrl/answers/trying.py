@@ -48,12 +48,10 @@ class Trying:
     def lines(self, depth: Depth) -> Iterator[str]:
         """In words."""
         going = f"Going to {self.door} to see whether it is open"
+        signs = f"is one way, going round at once another{depth.at_signs(f': {self._signs()}')}"
+        yield f"{going} {depth.at_numbers(self._worths(), signs)}."
         if depth == Depth.NAMES:
-            yield f"{going} is one way, going round at once another."
             return
-        yield depth.at_numbers(
-            f"{going} {self._worths()}.", f"{going} is one way, going round at once another: {self._signs()}."
-        )
         at, limit = self.break_even.at(self.gamma), self.break_even.limit
         if at is not None and at > 1 - ROUNDING:
             yield "So trying never pays: going round is as good even if it is open."

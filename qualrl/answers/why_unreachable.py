@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from qualrl.answers.answer import Answer, named
+from qualrl.answers.answer import Answer, first_of
 from qualrl.answers.blocked import Blocked, Crossing, Flags, Kinds, Way, least_obstacle
 from qualrl.answers.depth import Depth
 from qualrl.answers.openings import Opening, cleared, open_doorways, smaller_robot
@@ -35,7 +35,7 @@ class Part:
     def in_words(self, depth: Depth) -> str:
         """Its regions and size."""
         if depth != Depth.NUMBERS:
-            return named(self.regions, MOST_TOLD)
+            return first_of(self.regions, MOST_TOLD)
         more = len(self.regions) - MOST_TOLD
         told = ", ".join(self.regions[:MOST_TOLD]) + (f" and {more:,} more" if more > 0 else "")
         return f"{told} ({self.cells:,} cell{'' if self.cells == 1 else 's'}, {self.area_m2:.2f} m2)"
