@@ -153,6 +153,11 @@ def robust(
     check_type("robust", model, HybridMDP, "a HybridMDP, from qualrl.build")
     if model.regions is None:
         raise SettingError("a model without a map has no doorways that may be shut")
+    if not isinstance(most, int) or most < 1:
+        raise SettingError(f"most must be a whole number from 1 on, got {most!r}")
+    for given in (doors, times):
+        if not isinstance(given, Mapping) or not all(isinstance(key, str) for key in given):
+            raise SettingError(f"doors and times must be {{name: interval}}, got {given!r}")
     state, name = start_of(model, start)
     if slip is not None:
         if doors or times:

@@ -12,11 +12,15 @@ from qualrl.qualitative.graph import crossings_of
 
 
 class Robot:
-    """Walks on a map from a start to a goal, 1 a step, ``goal_reward`` at the end."""
+    """Walks on a map from a start to a goal, 1 a step, ``goal_reward`` at the end.
 
-    def __init__(self, regions, start, goal, gamma, goal_reward=100.0):
+    never: doorways that it knows never to be open, once it has to go round.
+    """
+
+    def __init__(self, regions, start, goal, gamma, goal_reward=100.0, never=()):
         self.regions, self.start, self.goal = regions, tuple(start), tuple(goal)
         self.gamma, self.goal_reward = gamma, goal_reward
+        self.never = frozenset(never)
         self.doors = {}
         for door in regions.doorways:
             ((one, other),) = crossings_of(regions, door)  # one cell wide
@@ -88,6 +92,7 @@ class Robot:
         return self._paid(time + self._takes(self.region(cell), self.apart(cell, self.goal), times))
 
     def _round(self, cell, time, opened, shut, chance, times):
+        shut |= self.never - opened
         found = self.shortest(cell, shut)
         if found is None:
             return -1 / (1 - self.gamma)

@@ -18,7 +18,7 @@ from tests.command_here import qualrl as qualrl_command
 from tests.oracles_robust import Robot
 from tests.test_commands import draw
 from tests.test_planning import LOOP
-from tests.worlds import grid_of
+from tests.worlds import TWO_ROOMS, grid_of
 
 REGIONS = qualrl.segment(grid_of(LOOP))
 CELLS = [tuple(cell) for cell in np.argwhere(REGIONS.grid.free).tolist()]
@@ -60,7 +60,8 @@ def points(case, n):
 def ask(case, **settings):
     assume(case["start"] != case["goal"])
     assume(case["doors"] or case["times"])
-    robot = Robot(REGIONS, case["start"], case["goal"], GAMMA)
+    never = [name for name, (_, most) in case["doors"].items() if most == 0]
+    robot = Robot(REGIONS, case["start"], case["goal"], GAMMA, never=never)
     answer = qualrl.questions.robust(
         model_of(case["start"], case["goal"]), doors=case["doors"], times=case["times"], **settings
     )
@@ -144,7 +145,8 @@ def test_either_way_is_shown_to_be_better_somewhere(case):
 def test_rivals_come_with_falling_bounds_and_none_is_left_out(case):
     assume(case["start"] != case["goal"])
     model = model_of(case["start"], case["goal"])
-    robot = Robot(REGIONS, case["start"], case["goal"], GAMMA)
+    never = [name for name, (_, most) in case["doors"].items() if most == 0]
+    robot = Robot(REGIONS, case["start"], case["goal"], GAMMA, never=never)
     found = list(rivals(model, model.start, Uncertain(case["doors"], case["times"])))
     bounds = [bound for bound, _ in found]
     assert bounds == sorted(bounds, reverse=True)
@@ -220,6 +222,67 @@ def test_what_is_not_on_the_map_is_refused():
         qualrl.questions.robust(cut, times={"*": (1, 2)})
 
 
+def test_a_shut_doorway_that_leaves_no_way_is_told():
+    regions = qualrl.segment(grid_of(TWO_ROOMS))
+    (door,) = [door.name for door in regions.doorways]
+    answer = qualrl.questions.robust(qualrl.build(regions, [2, 16], start=[2, 2], gamma=0.95), doors={door: (0.5, 1)})
+    assert answer.stranded == ((door,),)
+    assert answer.stuck == pytest.approx(-20)
+    assert f"Where {door} is shut, no way is left, which is worth -20." in answer.explain()
+    assert f"Where {door} is shut, no way is left." in answer.explain("names")
+    certain = qualrl.questions.robust(qualrl.build(regions, [2, 16], start=[2, 2], gamma=0.95), times={"*": (1, 2)})
+    assert not certain.stranded
+
+
+def test_a_way_round_does_not_count_on_a_doorway_that_is_never_open():
+    model = model_of((1, 1), (1, 24))
+    door = qualrl.plan(model).steps[0].action.split(" to ")[0].removeprefix("go through ")
+    others = [name for name in DOORS if name != door]
+    for never in others:
+        told = qualrl.questions.robust(model, doors={door: (0.3, 0.3), never: (0, 0)}).rivals
+        gone = qualrl.questions.robust(model.with_closed([never]), doors={door: (0.3, 0.3)}).rivals
+        same = {rival.way.doors: rival.least for rival in told}
+        for rival in gone:
+            assert same.get(rival.way.doors, rival.least) == pytest.approx(rival.least)
+
+
+def test_measured_legs_of_one_region_are_told_by_numbers_that_one_law_may_have():
+    """All of them as far along in their intervals, as a mixture of the fastest law and the slowest is."""
+    model = model_of((1, 1), (1, 24))
+    answer = qualrl.questions.robust(model, times={"*": Samples((1.0, 1.5, 0.8, 1.1, 1.0, 0.9, 1.3, 1.2))})
+    assert any(order.relation == "either" for order in answer.orders.values())
+    for order in answer.orders.values():
+        for point in (order.at_better, order.at_worse):
+            along = {}
+            for key, number in (point or {}).items():
+                low, high = answer.box[key]
+                along.setdefault(key.partition(" steps in ")[2], []).append((number - low) / (high - low))
+            for shares in along.values():
+                assert shares == pytest.approx([shares[0]] * len(shares))
+
+
+def test_of_ways_that_are_not_all_compared_none_is_called_best_of_all():
+    answer = qualrl.questions.robust(model_of((1, 1), (1, 24)), times={"*": (1, 2)}, most=1)
+    assert "Certainly best of these ways: way 1." in answer.explain()
+    assert "Best of these ways in the worst case" in answer.explain()
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"doors": {DOORS[0]: 0.5}}, {"doors": {DOORS[0]: "0.5..0.6"}}, {"doors": {DOORS[0]: (0.1, 0.2, 0.3)}},
+        {"doors": {DOORS[0]: None}}, {"doors": {DOORS[0]: Samples((1.0,))}},
+        {"doors": [DOORS[0]]}, {"doors": {8: (0, 1)}},
+        {"times": {"*": Counts(1, 2)}}, {"times": {"*": (1, 2)}, "confidence": "0.9"},
+        {"times": {"*": (1, 2)}, "most": 0},
+        {"times": {"*": (1, 2)}, "most": 1.5}, {"slip": 0.1}, {"slip": "0.1"},
+    ],
+)  # fmt: skip
+def test_what_is_of_the_wrong_kind_is_refused(asked):
+    with pytest.raises(SettingError):
+        qualrl.questions.robust(model_of((1, 1), (1, 24)), **asked)
+
+
 def test_the_command_answers_and_refuses(tmp_path):
     draw(tmp_path, "loop", LOOP)
     (tmp_path / "loop.scenario.yaml").write_text("map: loop.yaml\nstart: [2, 2]\ngoal: [2, 24]\nlearn: {gamma: 0.95}\n")
@@ -253,6 +316,9 @@ def test_the_command_answers_and_refuses(tmp_path):
         (("--chance", f"{door}=0.9..0.2"), "the lower end first"),
         (("--chance", "door 99=0.1..0.2"), "no doorway is called 'door 99'"),
         ((), "say what is uncertain"),
+        (("--chance", f"{door}=0.5", "--chance", f"{door}=0.6"), "was given before"),
+        (("--chance", f"{door}=1/99999999999999"), "no count"),
+        (("--time", "*=1..2", "--set", "start=[2, 24]"), "start and goal are the same"),
     ):
         _, error = qualrl_command("robust", "loop.scenario.yaml", *wrong, cwd=tmp_path, expect=2)
         assert message in error

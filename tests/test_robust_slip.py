@@ -172,10 +172,15 @@ def test_what_is_no_interval_of_slips_is_refused(asked, message):
         qualrl.questions.robust(qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=GAMMA), **asked)
 
 
-def test_where_no_doorway_leads_on_there_is_no_plan():
+def test_where_no_doorway_is_to_be_chosen_it_says_so():
     one_room = qualrl.build(qualrl.segment(grid_of("#####\n#...#\n#...#\n#####")), [1, 1], start=[2, 3], gamma=GAMMA)
-    with pytest.raises(NoPlanError, match="no doorway of"):
+    with pytest.raises(SettingError, match="start and goal are both in"):
         qualrl.questions.robust(one_room, slip=(0.1, 0.2))
+    model = qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=GAMMA).with_closed(
+        [door.name for door in REGIONS.doorways]
+    )
+    with pytest.raises(NoPlanError, match="no way leads"):
+        qualrl.questions.robust(model, slip=(0.1, 0.2))
 
 
 def test_the_command_answers(tmp_path):

@@ -1,7 +1,8 @@
 """A plan for a world some of whose doorways may turn out shut, and where it is not known how long things take.
 
 The robot follows its way; where that leads through an uncertain doorway, it sees in front of it whether it is open.
-If it is not, it goes on by the best way that is left, as if all doorways that it has not seen yet were open.
+If it is not, it goes on by the best way that is left, as if all doorways that it has not seen yet were open, but for
+those that never are.
 """
 
 from collections.abc import Sequence
@@ -30,6 +31,10 @@ class Contingent:
     """The interval of each number."""
     measured: dict[str, int] = field(default_factory=dict)
     """The steps of each leg whose time was measured, by the key of its number."""
+    together: dict[str, str] = field(default_factory=dict)
+    """By the same keys the region, whose law of times decides all numbers of its legs."""
+    stranded: set[Names] = field(default_factory=set)
+    """Doorways that leave no way, when they are shut."""
     _solved: dict[Names, tuple[HybridMDP, ExactValues]] = field(default_factory=dict)
     _blocks: dict[str, set[tuple[int, int]]] = field(default_factory=dict)
 
@@ -51,12 +56,14 @@ class Contingent:
         return self._legs(walk, None)
 
     def _round(self, state: int, opened: Names, shut: Names) -> Outlook | None:
-        """From where a doorway was found shut; None where no way is left."""
+        """From where a doorway was found shut; None where no way is left.  What is never open is known to be shut."""
+        shut |= {name for name in self.uncertain.doors if self.uncertain.door(name)[1] == 0} - opened
         if shut not in self._solved:
             changed = self.model.with_closed(shut)
             self._solved[shut] = changed, exact_values(changed.world)
         changed, exact = self._solved[shut]
         if not changed.can_reach[state]:
+            self.stranded.add(shut)
             return None
         return self._onward(exact_walk(changed, exact, state), opened, shut)
 
@@ -80,7 +87,7 @@ class Contingent:
         if (found := self.uncertain.leg(region, world.gamma, steps)) is not None:
             number, self.box[found[0].key] = found
             if number.leg is None:
-                self.measured[number.key] = steps
+                self.measured[number.key], self.together[number.key] = steps, region
         return Outlook(float(rewards @ world.gamma ** np.arange(steps)), world.gamma**steps, after, number)
 
     def _blocked(self, door: str) -> set[tuple[int, int]]:

@@ -70,7 +70,7 @@ class HowSure(Answer):
 
     def _largest_errors(self) -> Iterator[str]:
         """In which regions what was learned is farthest from exact values."""
-        errors = {part.name: part.mean_error for part in self.regions if part.mean_error is not None}
+        errors = {part.name: part.mean_error for part in self.regions if part.mean_error}
         if len(errors) > 1:
             yield f"Error on average, the largest first: {', '.join(sorted(errors, key=lambda name: -errors[name]))}."
 

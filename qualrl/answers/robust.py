@@ -5,7 +5,7 @@ and of each two whether one is better for all numbers, either for some, or undec
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -22,7 +22,18 @@ from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.planner import exact_walk
 from qualrl.qualitative.from_counts import Counts, Samples
 from qualrl.qualitative.outlook import Outlook, Point
-from qualrl.qualitative.robust_order import ALIKE, BETTER, EITHER, EQUAL, UNDECIDED, WORSE, Order, change, compare
+from qualrl.qualitative.robust_order import (
+    ALIKE,
+    BETTER,
+    EITHER,
+    EQUAL,
+    UNDECIDED,
+    WORSE,
+    Order,
+    change,
+    compare,
+    consistent,
+)
 from qualrl.solving.exact import exact_values
 
 MOST_WAYS = 6
@@ -69,6 +80,10 @@ class Robust(Answer):
     """How one of them stands to a later one."""
     changes: Mapping[tuple[int, int], tuple[str, float]]
     """Where two of them change places, if a single number decides: its key, and a value close to one such place."""
+    stranded: tuple[tuple[str, ...], ...]
+    """Doorways that leave no way, when all of a group are found shut."""
+    stuck: float
+    """What having no way left is worth: walking for ever."""
     others: float | None
     """No way that is not told is worth more than this, whatever the numbers are; None where all ways are told."""
 
@@ -85,6 +100,9 @@ class Robust(Answer):
         for number, rival in enumerate(self.rivals, 1):
             worth = depth.at_numbers(f", worth {between(rival.least, rival.most)}")
             yield f"Way {number}: {rival.way.in_words(depth)}{worth}."
+        for doors in self.stranded:
+            shut = f"{' and '.join(doors)} {'is' if len(doors) == 1 else 'are'} shut"
+            yield f"Where {shut}, no way is left{depth.at_numbers(f', which is worth {self.stuck:.6g}')}."
         if depth != Depth.NAMES:
             yield from self._orders_in_words(depth)
         yield from self._best_in_words(depth)
@@ -113,23 +131,23 @@ class Robust(Answer):
                 some = f"with {self._moved(key, better[key] - worse[key])}"
             return f"way {one + 1} is better than way {other + 1} {some}, for others worse"
         told = [
-            f"way {one + 1} is better than way {other + 1} with {self._at(better)}",
-            f"worse with {self._at(worse)}",
+            f"way {one + 1} is better than way {other + 1} with {self._at(better, worse)}",
+            f"worse with {self._at(worse, better)}",
         ]
         if (one, other) in self.changes:
             told.append(f"they change places at {self._number(*self.changes[one, other])}")
         return "; ".join(told)
 
-    def _at(self, point: Point) -> str:
-        told = [self._number(key, number) for key, number in point.items() if len({*self.box[key]}) > 1]
-        return ", ".join(told)
+    def _at(self, point: Point, other: Point) -> str:
+        """The numbers of a point that are others at the other point; JSON has all."""
+        return ", ".join(self._number(key, number) for key, number in point.items() if number != other[key])
 
     def _number(self, key: str, number: float) -> str:
         if key in self.uncertain.doors:
             return f"{key} open with {number:.4g}"
         if key in self.measured:
             wait = math.log(number) / math.log(self.gamma) if number else math.inf
-            return f"{key} like {self.measured[key] + wait:.4g}"
+            return f"{key} worth as much as {self.measured[key] + wait:.4g}"
         return f"{key} {number:.4g} times as long"
 
     def _moved(self, key: str, by: float) -> str:
@@ -141,23 +159,29 @@ class Robust(Answer):
         return f"{key} taking {'more' if by > 0 else 'less'} time"
 
     def _best_in_words(self, depth: Depth) -> Iterator[str]:
+        of_these = "" if self._is_whole else " of these ways"
         for kind, words in (
-            (CERTAIN, "Certainly best"),
-            (POSSIBLE, "Best for some numbers"),
-            (UNDECIDED, "Perhaps best"),
+            (CERTAIN, f"Certainly best{of_these}"),
+            (POSSIBLE, f"Best{of_these} for some numbers"),
+            (UNDECIDED, f"Perhaps best{of_these}"),
         ):
             ways = [f"way {at}" for at, rival in enumerate(self.rivals, 1) if rival.best == kind]
             if ways:
                 yield f"{words}: {', '.join(ways)}."
         worth = depth.at_numbers(f", worth at least {self.rivals[self.safest].least:.6g}")
-        yield f"Best in the worst case: way {self.safest + 1}{worth}."
+        yield f"Best{of_these} in the worst case: way {self.safest + 1}{worth}."
+
+    @property
+    def _is_whole(self) -> bool:
+        """Whether no way that is not told can be better than the safest one."""
+        return self.others is None or self.others <= self.rivals[self.safest].least
 
     def _others_in_words(self, depth: Depth) -> str:
         if self.others is None:
             return "No other way passes no region twice."
-        if self.others < self.rivals[self.safest].least:
+        if self._is_whole:
             most = depth.at_numbers(f": at most {self.others:.6g}")
-            return depth.from_signs(f"Every other way that passes no region twice is worth less than that{most}.")
+            return depth.from_signs(f"Every other way that passes no region twice is worth no more than that{most}.")
         worth = depth.at_numbers(f"; they are worth at most {self.others:.6g}")
         return f"Other ways were not compared{worth}{depth.from_signs(', so one of them may be better')}."
 
@@ -179,6 +203,7 @@ class Robust(Answer):
             "ways": [rival.to_dict() for rival in self.rivals],
             "orders": [self._order_to_dict(pair) for pair in self.orders],
             "safest": self.safest + 1, "others": self.others,
+            "stranded": [list(doors) for doors in self.stranded], "stuck": self.stuck,
         }  # fmt: skip
 
     def _order_to_dict(self, pair: tuple[int, int]) -> dict[str, Any]:
@@ -208,21 +233,27 @@ def robust(
         raise SettingError("say what is uncertain: the chance of a doorway, or the time that a region takes")
     uncertain.check_names(model.regions)
     model.check_reachable(start)
-    plans, others = _plans(model, start, uncertain)
+    if start == model.grid.goal:
+        raise SettingError("start and goal are the same, so there is no way to choose")
+    contingent = Contingent(model, uncertain)
+    plans, others = _plans(model, start, contingent)
     plans.sort(key=lambda plan: -plan.most)
     others = max([of.most for of in plans[most:]] + ([] if others is None else [others]), default=None)
     plans = sorted(plans[:most], key=lambda plan: -plan.way.value)
     box = {key: span for plan in plans for key, span in plan.box.items()}
-    orders = {(i, j): compare(plans[i].outlook, plans[j].outlook, box) for i, j in combinations(range(len(plans)), 2)}
+    orders = {
+        (i, j): compare(plans[i].outlook, plans[j].outlook, box, contingent.together)
+        for i, j in combinations(range(len(plans)), 2)
+    }
     measured = {key: steps for plan in plans for key, steps in plan.measured.items()}
     shift = -model.grid.step_reward / (1 - model.gamma)
     rivals_told = tuple(
         Rival(plan.way, plan.least - shift, plan.most - shift, best)
-        for plan, best in zip(plans, _best(plans, orders, box), strict=True)
+        for plan, best in zip(plans, _best(plans, orders, box, contingent.together), strict=True)
     )
     return Robust(
         *names, model.gamma, uncertain, box, measured, rivals_told, orders, _changes(plans, orders),
-        None if others is None else others - shift,
+        _fewest(contingent.stranded), -shift, None if others is None else others - shift,
     )  # fmt: skip
 
 
@@ -239,14 +270,13 @@ class _Plan:
     measured: Mapping[str, int]
 
 
-def _plans(model: HybridMDP, start: int, uncertain: Uncertain) -> tuple[list[_Plan], float | None]:
+def _plans(model: HybridMDP, start: int, contingent: Contingent) -> tuple[list[_Plan], float | None]:
     """The best way and its rivals, and what those not found are worth at most (shifted); None where there is none."""
     exact = exact_values(model.world)
-    contingent = Contingent(model, uncertain)
     walk = exact_walk(model, exact, start)
     plans = [_plan(model, contingent, walk, float(exact.value[start]))]
     found = {plans[0].way.doors}
-    for bound, doors in rivals(model, start, uncertain):
+    for bound, doors in rivals(model, start, contingent.uncertain):
         if doors is None or len(found) >= MOST_SOLVED or bound < max(plan.least for plan in plans):
             return plans, bound
         if doors in found:
@@ -278,14 +308,18 @@ def _beside(model: HybridMDP, start: int, doors: Sequence[str]) -> list[str]:
 
 
 def _best(
-    plans: Sequence[_Plan], orders: Mapping[tuple[int, int], Order], box: Mapping[str, tuple[float, float]]
+    plans: Sequence[_Plan],
+    orders: Mapping[tuple[int, int], Order],
+    box: Mapping[str, tuple[float, float]],
+    together: Mapping[str, str],
 ) -> list[str]:
     """Of each plan, whether it is the best."""
     start = {key: span[0] for key, span in box.items()}
     guesses = [order.at_better for order in orders.values()] + [order.at_worse for order in orders.values()]
     seen = set[int]()
     for guess in [*guesses, *(plan.at_most for plan in plans)]:
-        worths = [plan.outlook.value({**start, **(guess or {})}) for plan in plans]
+        point = consistent({**start, **(guess or {})}, box, together)
+        worths = [plan.outlook.value(point) for plan in plans]
         seen |= {at for at, worth in enumerate(worths) if worth >= max(worths) - ALIKE * abs(max(worths))}
     found = []
     for at in range(len(plans)):
@@ -311,3 +345,9 @@ def _changes(
                 near = change(plans[one].outlook, plans[other].outlook, order.at_better, order.at_worse)
                 found[one, other] = keys[0], near[keys[0]]
     return found
+
+
+def _fewest(stranded: Iterable[frozenset[str]]) -> tuple[tuple[str, ...], ...]:
+    """Groups of doorways, without those that hold another."""
+    groups = sorted(stranded, key=lambda doors: (len(doors), sorted(doors)))
+    return tuple(tuple(sorted(of)) for at, of in enumerate(groups) if not any(other <= of for other in groups[:at]))

@@ -14,6 +14,7 @@ from qualrl.answers.answer import Answer
 from qualrl.answers.depth import Depth
 from qualrl.answers.known import between
 from qualrl.answers.through import values_through
+from qualrl.answers.uncertain import check_confidence
 from qualrl.errors import NoPlanError, SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.qualitative.from_counts import Counts
@@ -103,8 +104,11 @@ def robust_slip(
 
     most: doorways to compare.  Raises SettingError, and NoPlanError where no way leads to the goal, or by no doorway.
     """
-    if not 0 < confidence < 1:
-        raise SettingError(f"confidence must be above 0 and below 1, got {confidence}")
+    check_confidence(confidence)
+    if model.region_of[start] == model.region_of[model.grid.goal]:
+        raise SettingError(f"start and goal are both in {_region(model, start)}: no doorway is to be chosen")
+    if not isinstance(slip, Counts) and not (isinstance(slip, tuple | list) and len(slip) == 2):
+        raise SettingError(f"slip must be an interval, as (0.05, 0.2), or Counts, got {slip!r}")
     low, high = slip.interval(confidence) if isinstance(slip, Counts) else slip
     blind = 1 - 1 / model.grid.n_actions
     if not 0 <= low <= high <= blind:
@@ -118,9 +122,13 @@ def robust_slip(
     pairs = list(combinations((door.name for door in doors), 2))
     found = _Search(model, start, doors, pairs).verdicts(low, high, whole)
     return RobustSlip(
-        *names, model.region_names[model.region_of[start]], model.gamma, (low, high),
+        *names, _region(model, start), model.gamma, (low, high),
         slip if isinstance(slip, Counts) else None, confidence, whole, found,
     )  # fmt: skip
+
+
+def _region(model: HybridMDP, state: int) -> str:
+    return model.region_names[int(model.region_of[state])]
 
 
 def _doors(model: HybridMDP, start: int, slip: float, most: int) -> list[Doorway]:
@@ -135,7 +143,7 @@ def _doors(model: HybridMDP, start: int, slip: float, most: int) -> list[Doorway
         except NoPlanError:  # this doorway leads nowhere
             continue
     if not worth:
-        raise NoPlanError(f"no doorway of {model.region_names[model.region_of[start]]} leads on to the goal")
+        raise NoPlanError(f"no doorway of {_region(model, start)} leads on to the goal")
     return sorted((door for door in own if door.name in worth), key=lambda door: -worth[door.name])[:most]
 
 

@@ -34,8 +34,7 @@ class Uncertain:
     """With which all intervals that come from counts hold at once."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.confidence < 1:
-            raise SettingError(f"confidence must be above 0 and below 1, got {self.confidence}")
+        check_confidence(self.confidence)
         if len(self.doors) > MOST_DOORS:
             raise SettingError(f"{len(self.doors)} doorways are uncertain; at most {MOST_DOORS} can be")
         for name, given in self.doors.items():
@@ -88,8 +87,18 @@ class Uncertain:
         return Number(region, leg), given
 
 
-def _check(what: str, span: Span, least: float, most: float) -> None:
-    low, high = span
+def check_confidence(confidence: object) -> None:
+    """Raise SettingError for what is no confidence."""
+    if not isinstance(confidence, int | float) or not 0 < confidence < 1:
+        raise SettingError(f"confidence must be above 0 and below 1, got {confidence!r}")
+
+
+def _check(what: str, span: object, least: float, most: float) -> None:
+    reach = f"from {least:g} to {most:g}" if math.isfinite(most) else f"of at least {least:g}"
+    wanted = f"{what} must be an interval {reach}, the lower end first"
+    ends = list(span) if isinstance(span, tuple | list) else []
+    if len(ends) != 2 or not all(isinstance(end, int | float) for end in ends):
+        raise SettingError(f"{wanted}, as (0.6, 0.9), got {span!r}")
+    low, high = ends
     if not (least <= low <= high <= most and math.isfinite(high)):
-        reach = f"from {least:g} to {most:g}" if math.isfinite(most) else f"of at least {least:g}"
-        raise SettingError(f"{what} must be an interval {reach}, the lower end first, got {low:g}..{high:g}")
+        raise SettingError(f"{wanted}, got {low:g}..{high:g}")

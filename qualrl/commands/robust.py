@@ -1,5 +1,6 @@
 """``qualrl robust``: which way is best while chances and times are known as intervals only."""
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -50,8 +51,7 @@ def robust(
     """Compare ways while doorways and times are uncertain: which is better for all numbers, and which for some."""
     from qualrl import questions
 
-    doors = dict(_named("--chance", text) for text in chance or ())
-    times = dict(_named("--time", text) for text in time or ())
+    doors, times = _named("--chance", chance or ()), _named("--time", time or ())
     answered(
         source, settings, Console(as_json, quiet), depth,
         lambda model: questions.robust(
@@ -62,13 +62,18 @@ def robust(
     )  # fmt: skip
 
 
-def _named(option: str, text: str) -> tuple[str, str]:
+def _named(option: str, texts: Iterable[str]) -> dict[str, str]:
     from qualrl.errors import ScenarioError
 
-    name, equals, value = text.rpartition("=")
-    if not equals or not name.strip():
-        raise ScenarioError(f"{option} {text!r}: write a name, = and what is known, as 'door 2=0.6..0.9'")
-    return name.strip(), value.strip()
+    found = dict[str, str]()
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.rpartition("="))
+        if not equals or not name:
+            raise ScenarioError(f"{option} {text!r}: write a name, = and what is known, as 'door 2=0.6..0.9'")
+        if name in found:
+            raise ScenarioError(f"{option} {text!r}: {name} was given before, as {found[name]}")
+        found[name] = value
+    return found
 
 
 def _chance(option: str, text: str) -> "Span | Counts":

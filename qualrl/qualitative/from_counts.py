@@ -9,6 +9,9 @@ from dataclasses import dataclass
 
 from qualrl.errors import SettingError
 
+MOST_TRIALS = 10**9
+"""Beyond, the interval's ends are lost in rounding."""
+
 
 @dataclass(frozen=True)
 class Counts:
@@ -18,8 +21,12 @@ class Counts:
     trials: int
 
     def __post_init__(self) -> None:
-        if not 0 <= self.hits <= self.trials or self.trials == 0:
-            raise SettingError(f"{self.hits} of {self.trials} is no count: write hits/trials, as 7/10")
+        is_whole = type(self.hits) is int and type(self.trials) is int
+        if not is_whole or not 0 <= self.hits <= self.trials or not 0 < self.trials <= MOST_TRIALS:
+            raise SettingError(
+                f"{self.hits} of {self.trials} is no count: give hits of trials in whole numbers, as 7 of 10, "
+                f"up to {MOST_TRIALS:,}"
+            )
 
     def interval(self, confidence: float) -> tuple[float, float]:
         """Of the probability (Clopper and Pearson 1934)."""
@@ -37,7 +44,8 @@ class Samples:
     times: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        if not self.times or not all(math.isfinite(time) and time >= 0 for time in self.times):
+        is_plain = all(isinstance(time, int | float) for time in self.times)
+        if not self.times or not is_plain or not all(math.isfinite(time) and time >= 0 for time in self.times):
             raise SettingError(f"times must be finite numbers, not negative, got {', '.join(map(str, self.times))}")
 
     def interval(self, leg: float, confidence: float) -> tuple[float, float]:

@@ -6,9 +6,10 @@ which loses nothing; another interval is halved.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice, product
+from types import MappingProxyType
 
 from qualrl.qualitative.outlook import Bounds, Box, Outlook, Point
 from qualrl.qualitative.outlook_difference import difference
@@ -39,8 +40,12 @@ class Order:
         return Order(relation, self.at_worse, self.at_better)
 
 
-def compare(first: Outlook, second: Outlook, box: Box) -> Order:
-    """Compare two plans for all numbers that a box holds."""
+def compare(first: Outlook, second: Outlook, box: Box, together: Mapping[str, str] = MappingProxyType({})) -> Order:
+    """Compare two plans for all numbers that a box holds.
+
+    together: keys of numbers that one thing decides (a law of times, for legs of several lengths), with its name.  Then
+    EITHER is shown by numbers that are as far along in all their intervals, and what holds for the whole box holds.
+    """
     keys = [key for key in box if key in first.times or key in second.times]
     linear = {key for key in keys if key not in first.powers | second.powers and _once(first, key) * _once(second, key)}
 
@@ -53,7 +58,7 @@ def compare(first: Outlook, second: Outlook, box: Box) -> Order:
         both = [key for key in keys if part[key][0] < part[key][1] and places[key] > 1]
         return max(both, key=lambda key: _felt(bounds, part, key), default=None)
 
-    search = _Search(first, second)
+    search = _Search(first, second, {key: box[key] for key in keys}, together)
     search.look_at(_corners({key: box[key] for key in keys}))
     waiting = deque([{key: box[key] for key in keys}])
     for _ in range(MOST_BOXES):
@@ -72,8 +77,27 @@ def compare(first: Outlook, second: Outlook, box: Box) -> Order:
     return search.order(is_whole=not waiting)
 
 
+def consistent(point: Point, box: Box, together: Mapping[str, str]) -> Point:
+    """A point at which numbers that one thing decides are as far along in their intervals: on average as far as were
+    they.
+    """
+    along: dict[str, list[float]] = {}
+    for key, name in together.items():
+        if key in point:
+            low, high = box[key]
+            along.setdefault(name, []).append((point[key] - low) / (high - low) if high > low else 0.5)
+    found = dict(point)
+    for key in together.keys() & point.keys():
+        low, high = box[key]
+        shares = along[together[key]]
+        found[key] = low + (high - low) * sum(shares) / len(shares)
+    return found
+
+
 def _corners(box: Box) -> Iterator[Point]:
-    """Some corners of a box: all where they are few."""
+    """Some corners of a box: all where they are few; two opposite ones in any case."""
+    for at in (0, 1):
+        yield {key: span[at] for key, span in box.items()}
     for ends in islice(product(*({*span} for span in box.values())), MOST_CORNERS):
         yield dict(zip(box, ends, strict=True))
 
@@ -106,6 +130,8 @@ class _Search:
 
     first: Outlook
     second: Outlook
+    box: Box
+    together: Mapping[str, str]
     better: Point | None = None
     worse: Point | None = None
     may_be_better: bool = False
@@ -126,7 +152,8 @@ class _Search:
 
     def look_at(self, points: Iterable[Point]) -> None:
         """Remember points that show which plan is better there."""
-        for point in points:
+        for guess in points:
+            point = consistent(guess, self.box, self.together)
             one, other = self.first.value(point), self.second.value(point)
             if abs(one - other) > ALIKE * max(abs(one), abs(other)):
                 if one > other:
@@ -137,8 +164,19 @@ class _Search:
     def order(self, is_whole: bool) -> Order:
         """The outcome; is_whole: whether every part was settled."""
         if self.better and self.worse:
-            return Order(EITHER, self.better, self.worse)
+            return Order(EITHER, self.better, self._nearest_worse(self.better, self.worse))
         if not is_whole or (self.may_be_better and self.may_be_worse):
             return Order(UNDECIDED, self.better, self.worse)
         relation = BETTER if self.may_be_better else WORSE if self.may_be_worse else EQUAL
         return Order(relation, self.better, self.worse)
+
+    def _nearest_worse(self, better: Point, worse: Point) -> Point:
+        """Numbers for which the first is worse, and of which none can be left as where it is better, one by one."""
+        for key, number in better.items():
+            name = self.together.get(key)
+            alike = {of: better[of] for of in better if name is not None and self.together.get(of) == name}
+            nearer = {**worse, key: number, **alike}
+            found = _Search(self.first, self.second, self.box, self.together)
+            found.look_at([nearer])
+            worse = nearer if found.worse else worse
+        return worse
