@@ -60,7 +60,7 @@ def shift_of(world: World) -> float:
 def exact_values(world: World, error: float | None = None) -> ExactValues:
     """Optimal values of a world, by Gauss-Seidel value iteration outward from the goal.
 
-    error: no value may be off by more; by default values settle to a relative 1e-12 of their backups.
+    error: no value may be off by more; by default, and at most, values settle to a relative 1e-12 of their backups.
     Raises SettingError for an error that is not above 0, and if the sweeps do not settle (only for gamma extremely
     near 1).
     """
