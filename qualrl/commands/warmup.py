@@ -25,7 +25,7 @@ def warmup(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Compile the loops, about a minute once after installing: later calls load what was compiled from a cache.
+    """Compile the loops, a minute or two once after installing: later calls load what was compiled from a cache.
 
     They are those for four directions and a constant learning rate; other worlds compile theirs when first used.
     """
