@@ -127,3 +127,8 @@ def test_the_command_answers(tmp_path):
     table = qualrl.HybridMDP.from_table(qualrl.build(REGIONS, [2, 24]).grid.table(), ["a"] * len(CELLS), start=0)
     with pytest.raises(SettingError, match="without a map"):
         qualrl.questions.signs(table)
+
+
+def test_where_start_and_goal_are_the_same_no_value_changes():
+    with pytest.raises(SettingError, match="start and goal are the same"):
+        qualrl.questions.signs(qualrl.build(REGIONS, [2, 24]), [2, 24])

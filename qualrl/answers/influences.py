@@ -16,6 +16,7 @@ from qualrl.answers.answer import Answer
 from qualrl.answers.depth import Depth
 from qualrl.answers.trying import trying
 from qualrl.answers.ways import Way, course, way_of
+from qualrl.errors import SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.planner import exact_walk
 from qualrl.qualitative.plan_value import Course, Stretch, contrast
@@ -99,9 +100,12 @@ class Influences(Answer):
 def influences(model: HybridMDP, start: int, names: tuple[str, str]) -> Influences:
     """Ask how the value of the best way from a state changes with rewards, its length, doorways' chances and gamma.
 
-    names: what to call start and goal.  Raises NoPlanError where no way leads to the goal.
+    names: what to call start and goal.  Raises NoPlanError where no way leads to the goal, SettingError where start
+    and goal are the same.
     """
     model.check_reachable(start)
+    if start == model.grid.goal:
+        raise SettingError("start and goal are the same, so there is no way whose value could change")
     exact = exact_values(model.world)
     walk = exact_walk(model, exact, start)
     way = way_of(model, [walk], float(exact.value[start]))
