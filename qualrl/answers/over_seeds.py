@@ -70,7 +70,8 @@ class OverSeeds:
         yield f"The learned way from the start arrives {self.arrives.in_words(depth)}."
         yield f"Each step of it is optimal {self.optimal.in_words(depth)}."
         spread = f"{min(self.errors):.3g} to {max(self.errors):.3g}, median {median(self.errors):.3g}"
-        yield from [depth.at_numbers(f"Error of the start over the runs: {spread}.")] if depth == Depth.NUMBERS else []
+        if depth == Depth.NUMBERS:
+            yield f"Error of the start over the runs: {spread}."
         for region, share in self.regions:
             yield f"Where this run enters {region}, the best action is optimal {share.in_words(depth)}."
 

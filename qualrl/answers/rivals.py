@@ -124,9 +124,15 @@ def _doors(model: HybridMDP, regions: RegionMap, start: int, uncertain: Uncertai
     for door in regions.doorways:
         cells = np.array(crossings_of(regions, door), np.int64).reshape(-1, 2)
         states = world.state_of[cells[:, 0], cells[:, 1]]
-        away, left = (int(steps[states].min()) for steps in (from_start, world.steps_to_goal))
+        away, left = (_least(steps[states]) for steps in (from_start, world.steps_to_goal))
         least = uncertain.door(door.name)[0] if door.name in uncertain.doors else 1.0
         known = _Door(door.name, door.pair, cells, away, max(left - _beside(world.directions), min(left, 0)), least)
         for region in door.pair:
             found.setdefault(region, []).append(known)
     return found
+
+
+def _least(steps: NDArray[np.int32]) -> int:
+    """The least of those that are known; -1 if none is."""
+    known = steps[steps >= 0]
+    return int(known.min()) if len(known) else -1

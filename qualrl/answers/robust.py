@@ -293,7 +293,8 @@ def _plans(model: HybridMDP, start: int, contingent: Contingent) -> tuple[list[_
 
 
 def _plan(model: HybridMDP, contingent: Contingent, walk: Sequence[int], value: float) -> _Plan:
-    outlook = contingent.outlook(walk) or Outlook()
+    outlook = contingent.outlook(walk)
+    assert outlook is not None  # start and goal are not the same
     box = {key: contingent.box[key] for key in outlook.times}
     least, most, _, at_most = outlook.bounds(box)
     measured = {key: steps for key, steps in contingent.measured.items() if key in box}

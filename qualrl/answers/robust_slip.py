@@ -14,19 +14,17 @@ from qualrl.answers.answer import Answer
 from qualrl.answers.depth import Depth
 from qualrl.answers.known import between
 from qualrl.answers.through import values_through
-from qualrl.answers.uncertain import check_confidence
+from qualrl.answers.uncertain import check_confidence, check_span
 from qualrl.errors import NoPlanError, SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.qualitative.from_counts import Counts
 from qualrl.qualitative.robust_order import BETTER, UNDECIDED, WORSE
 from qualrl.qualitative.signs import one_after_the_other
-from qualrl.solving.exact import SlipSpan, exact_values, values_between
+from qualrl.solving.exact import SlipSpan, error_of, exact_values, values_between
 from qualrl.spatial.region_map import Doorway
 
 MOST_SPANS = 64
 """Spans that are solved at most, each twice."""
-ALIKE = 1e-8
-"""Bounds that differ by less than this share are the same: values are solved to 1e-12 of a backup."""
 
 Span = tuple[float, float]
 Bounds = Mapping[str, Span]
@@ -107,15 +105,9 @@ def robust_slip(
     check_confidence(confidence)
     if model.region_of[start] == model.region_of[model.grid.goal]:
         raise SettingError(f"start and goal are both in {_region(model, start)}: no doorway is to be chosen")
-    if not isinstance(slip, Counts) and not (isinstance(slip, tuple | list) and len(slip) == 2):
-        raise SettingError(f"slip must be an interval, as (0.05, 0.2), or Counts, got {slip!r}")
-    low, high = slip.interval(confidence) if isinstance(slip, Counts) else slip
-    blind = 1 - 1 / model.grid.n_actions
-    if not 0 <= low <= high <= blind:
-        raise SettingError(
-            f"slip must be an interval from 0 to {blind:g}, the lower end first, got {low:.6g}..{high:.6g}: "
-            "beyond, moves lead less often where they aim at than elsewhere"
-        )
+    span = slip.interval(confidence) if isinstance(slip, Counts) else slip
+    check_span("slip (with more of it moves lead less often where they aim at)", span, 0, 1 - 1 / model.grid.n_actions)
+    low, high = span
     model.check_reachable(start)
     doors = _doors(model, start, (low + high) / 2, most)
     whole = _bounds(model, start, doors, low, high)
@@ -148,15 +140,16 @@ def _doors(model: HybridMDP, start: int, slip: float, most: int) -> list[Doorway
 
 
 def _bounds(model: HybridMDP, start: int, doors: Sequence[Doorway], low: float, high: float) -> Bounds:
-    """What leaving by each doorway is worth at least and at most for a span of slips."""
+    """What leaving by each doorway is worth at least and at most for a span of slips, inexact values allowed for."""
     changed = replace(model, world=replace(model.grid, slip=high))
     ends = list[dict[str, float]]()
     for helps in (False, True):
         span = SlipSpan(low, high, helps)
         values = values_between(changed.grid, span)
+        off = error_of(changed.grid, values) * (1 if helps else -1)
         ends.append(
             {
-                door.name: float(values_through(changed, values, start, door, span)[1][start]) - values.shift
+                door.name: float(values_through(changed, values, start, door, span)[1][start]) - values.shift + off
                 for door in doors
             }
         )
@@ -196,9 +189,7 @@ class _Search:
         found = {}
         for one, other in self.pairs:
             (low, high), (other_low, other_high) = bounds[one], bounds[other]
-            rounding = ALIKE * max(abs(end) for end in (low, high, other_low, other_high))
-            is_better, is_worse = low > other_high + rounding, high < other_low - rounding
-            found[one, other] = BETTER if is_better else WORSE if is_worse else UNDECIDED
+            found[one, other] = BETTER if low > other_high else WORSE if high < other_low else UNDECIDED
         return found
 
     def _joined(self, pair: tuple[str, str]) -> tuple[Verdict, ...]:

@@ -39,10 +39,10 @@ class Uncertain:
             raise SettingError(f"{len(self.doors)} doorways are uncertain; at most {MOST_DOORS} can be")
         for name, given in self.doors.items():
             if not isinstance(given, Counts):
-                _check(f"the probability that {name} is open", given, 0.0, 1.0)
+                check_span(f"the probability that {name} is open", given, 0.0, 1.0)
         for name, span in self.times.items():
             if not isinstance(span, Samples):
-                _check(f"the time that {name} takes", span, FASTEST, math.inf)
+                check_span(f"the time that {name} takes", span, FASTEST, math.inf)
 
     def check_names(self, regions: RegionMap) -> None:
         """Raise UnknownNameError for a name that is not on the map."""
@@ -93,7 +93,8 @@ def check_confidence(confidence: object) -> None:
         raise SettingError(f"confidence must be above 0 and below 1, got {confidence!r}")
 
 
-def _check(what: str, span: object, least: float, most: float) -> None:
+def check_span(what: str, span: object, least: float, most: float) -> None:
+    """Raise SettingError for what is no interval between two numbers."""
     reach = f"from {least:g} to {most:g}" if math.isfinite(most) else f"of at least {least:g}"
     wanted = f"{what} must be an interval {reach}, the lower end first"
     ends = list(span) if isinstance(span, tuple | list) else []

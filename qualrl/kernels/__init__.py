@@ -1,4 +1,4 @@
-"""Compiled loops.
+"""Compiled loops: arrays in, arrays out; no names, units, graphs, files or prints.
 
 numba is started here, once, and without what it would load only to see whether it is there: SciPy, whose version it
 looks at, and coverage, which it would tell of compiled lines if it were asked to by NUMBA_JIT_COVERAGE.

@@ -47,9 +47,9 @@ def compare(first: Outlook, second: Outlook, box: Box, together: Mapping[str, st
     EITHER is shown by numbers that are as far along in all their intervals, and what holds for the whole box holds.
     """
     keys = [key for key in box if key in first.times or key in second.times]
-    linear = {key for key in keys if key not in first.powers | second.powers and _once(first, key) * _once(second, key)}
-
-    places = first.places + second.places
+    powers, places = first.powers | second.powers, first.places + second.places
+    linear = {key for key in keys if key not in powers and _once(first, key) and _once(second, key)}
+    whole = {key: box[key] for key in keys}
 
     def bounds(part: Box) -> Bounds:
         return difference(first, second, part)
@@ -58,9 +58,9 @@ def compare(first: Outlook, second: Outlook, box: Box, together: Mapping[str, st
         both = [key for key in keys if part[key][0] < part[key][1] and places[key] > 1]
         return max(both, key=lambda key: _felt(bounds, part, key), default=None)
 
-    search = _Search(first, second, {key: box[key] for key in keys}, together)
-    search.look_at(_corners({key: box[key] for key in keys}))
-    waiting = deque([{key: box[key] for key in keys}])
+    search = _Search(first, second, whole, together)
+    search.look_at(_corners(whole))
+    waiting = deque([whole])
     for _ in range(MOST_BOXES):
         if not waiting or (search.better and search.worse):
             break
@@ -154,12 +154,16 @@ class _Search:
         """Remember points that show which plan is better there."""
         for guess in points:
             point = consistent(guess, self.box, self.together)
-            one, other = self.first.value(point), self.second.value(point)
-            if abs(one - other) > ALIKE * max(abs(one), abs(other)):
-                if one > other:
-                    self.better = self.better or point
-                else:
-                    self.worse = self.worse or point
+            sign = self._sign(point)
+            if sign > 0:
+                self.better = self.better or point
+            elif sign < 0:
+                self.worse = self.worse or point
+
+    def _sign(self, point: Point) -> int:
+        """1 where the first is better, -1 where it is worse."""
+        one, other = self.first.value(point), self.second.value(point)
+        return 0 if abs(one - other) <= ALIKE * max(abs(one), abs(other)) else 1 if one > other else -1
 
     def order(self, is_whole: bool) -> Order:
         """The outcome; is_whole: whether every part was settled."""
@@ -172,11 +176,8 @@ class _Search:
 
     def _nearest_worse(self, better: Point, worse: Point) -> Point:
         """Numbers for which the first is worse, and of which none can be left as where it is better, one by one."""
-        for key, number in better.items():
-            name = self.together.get(key)
-            alike = {of: better[of] for of in better if name is not None and self.together.get(of) == name}
-            nearer = {**worse, key: number, **alike}
-            found = _Search(self.first, self.second, self.box, self.together)
-            found.look_at([nearer])
-            worse = nearer if found.worse else worse
+        for key in better:
+            name = self.together.get(key, key)
+            nearer = {**worse, **{of: better[of] for of in better if self.together.get(of, of) == name}}
+            worse = nearer if self._sign(nearer) < 0 else worse
         return worse

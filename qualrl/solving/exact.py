@@ -89,6 +89,11 @@ def values_between(world: GridWorld, span: SlipSpan) -> ExactValues:
     return ExactValues(value, shifted, shift)
 
 
+def error_of(world: World, exact: ExactValues) -> float:
+    """By how much a settled value may be off at most, and one that is built on settled values by settling, too."""
+    return 2 * TOLERANCE * float(exact.shifted.max()) / (1 - world.gamma)
+
+
 def _tolerance(world: World, shift: float, error: float | None) -> float:
     """How far values may be from their backups, relatively, so that none is off by more than the error.
 
