@@ -109,6 +109,7 @@ def main() -> None:
 def _usage(error: Any) -> str:
     """One line of what the command line has wrong."""
     what = " ".join(error.format_message().split()).rstrip(".?").replace(". Did you mean", "; did you mean")
+    what = what.replace("Value error, ", "")  # so pydantic begins
     if re.match(r"No such option: -\d", what):
         what += "; what begins with - goes after --"
     context = getattr(error, "ctx", None)
