@@ -17,6 +17,7 @@ from tests.hierarchical_worlds import (
     LANDMARK_LEARNERS,
     LEARNERS,
     RATES,
+    TextbookMaxq,
     detour_model,
     finished,
     halves,
@@ -25,6 +26,7 @@ from tests.hierarchical_worlds import (
     same,
     stepper,
     table_model,
+    tasks_of,
     top_values,
 )
 from tests.test_learning import puzzle
@@ -61,6 +63,36 @@ def test_compiled_loop_equals_the_textbook_draw_for_draw(algorithm, model, primi
     if algorithm not in ("option-q", "intra-option-q"):
         for (option, s), values in inner.items():
             same(inner_values(learner, marks, s, option), values)
+
+
+@pytest.mark.parametrize("algorithm", LEARNERS)
+def test_moves_are_counted_as_the_textbook_makes_them(algorithm):
+    model = halves(0.3)
+    chosen = LearnSettings(episodes=10, alpha=0.2, epsilon=0.1, max_steps=250)
+    counts, uncounted = start_learner(model, algorithm, chosen, 2), finished(start_learner(model, algorithm, chosen, 2))
+    counts.count_visits()
+    learned = finished(counts).learned()
+    step, likely, terminal = stepper(model)
+    made = np.zeros(learned.q.shape, int)
+
+    def counted(state, move, draws):
+        made[state, move] += 1
+        return step(state, move, draws)
+
+    if algorithm == "maxq-q":
+        told = TextbookMaxq(model, chosen, tasks_of(model, chosen.primitives))
+        told.step = counted
+        told.learn(2)
+    else:
+        twins.learn_landmarks(
+            algorithm, counted, twins.Landmarks(model, likely, terminal), model.starts.tolist(), gamma=0.9,
+            rate=RATES[0.2], epsilon=0.1, episodes=10, seed=2, max_steps=250, primitives=chosen.primitives,
+            worst=worst_return(model),
+        )  # fmt: skip
+    np.testing.assert_array_equal(learned.visits, made)
+    assert learned.visits.sum() == counts.progress.steps.sum()
+    np.testing.assert_array_equal(learned.q, uncounted.learned().q)
+    assert uncounted.learned().visits is None
 
 
 @pytest.mark.parametrize("alpha", [0.3, "1/(1+k)**0.6"])

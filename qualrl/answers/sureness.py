@@ -125,9 +125,10 @@ def judged(run: LearningRun) -> tuple[Judged, PlanValues]:
     """All states of a run judged, and the learned values as plans follow them."""
     learned = learned_plan_values(run)
     q = run.q if run.shifted_q is None else run.shifted_q
-    tried = np.asarray(np.isfinite(q) & (q != 0) if run.visits is None else run.visits > 0)
+    made = np.asarray(np.isfinite(q) & (q != 0) if run.visits is None else run.visits > 0)
     visits = None if run.visits is None else run.visits.sum(axis=1, dtype=np.int64)
-    visited: NDArray[np.bool_] = np.logical_or.reduce(tried, axis=1)
+    visited: NDArray[np.bool_] = np.logical_or.reduce(made, axis=1)
+    tried = made & np.isfinite(q)  # a move may be made where no greedy way of a hierarchy begins with it
     if not run.chooses:
         return Judged(visits, visited, np.abs(run.q[:, 0] - run.exact_values), None, None), learned
     held = run.q + run.exact.shift if run.shifted_q is None else run.shifted_q

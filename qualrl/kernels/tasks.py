@@ -280,6 +280,7 @@ def run_steps(
     agents: Any,
     worst: Any,
     visits: Any,
+    tries: Any,
     rates: Any,
     actions: Any,
     starts: Any,
@@ -295,6 +296,7 @@ def run_steps(
     agents: Agents; who acts is chosen anew at each step, by what the switch has learned or, when ``worst`` is
     given, by how much each minds not being obeyed.
     visits: Visits of each entry of q, or None for the constant rates.alpha.
+    tries: (S * A,) how often each move was made in each state, updated; or None.
     """
     n_actions = len(actions)
     alpha, gamma = rates.alpha, rates.gamma
@@ -347,6 +349,8 @@ def run_steps(
                         pending, gain, discount = pick, 0.0, 1.0
                     if agents is not None and q[pick] < best:
                         pending = -1  # a move tried out, not the sub-agent's: the switch learns nothing from it
+            if tries is not None:
+                tries[uint64(s * n_actions + a)] += 1
             moved, over, reward, r0, r1, r2, r3 = moved_on(
                 grid, slip, table, uint64(s), uint64(a), n_actions, r0, r1, r2, r3
             )

@@ -22,13 +22,11 @@ class Counting(Learner, Protocol):
 def visits_again(run: LearningRun) -> NDArray[np.uint32]:
     """``LearningRun.visits`` of a run that did not count: it takes about as long as the run did.
 
-    Raises SettingError for learners that cannot count, and for a run that does not come out the same again.
+    Raises SettingError for a run that does not come out the same again.
     """
     learner = start_learner(run.model, run.algorithm, run.settings, run.seed)
     if isinstance(learner, Counting):
         learner.count_visits()
-    elif learner.learned().visits is None:
-        raise SettingError(f"{run.algorithm} tries other things than single moves, so there are no visits to count")
     Runner(learner, lambda _: None).to_episode(run.settings.episodes)
     learned = learner.learned()
     if learned.visits is None or not np.array_equal(learned.q, run.q):

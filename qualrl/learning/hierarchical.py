@@ -44,7 +44,7 @@ from qualrl.kernels import stepping
 from qualrl.kernels import task_graph as graph_kernel
 from qualrl.kernels import tasks as kernel
 from qualrl.learning import polling
-from qualrl.learning.learner import NO_LIMIT, Learned, fresh_progress, kernel_world, visits_of
+from qualrl.learning.learner import NO_LIMIT, Learned, counting, fresh_progress, kernel_world, visits_of
 from qualrl.learning.rules import Hierarchy, LearningRule
 from qualrl.learning.settings import LearnSettings
 from qualrl.models.hybrid_mdp import HybridMDP
@@ -78,6 +78,7 @@ class LandmarkLearner:
         self.first, may, self.policy = _layout(model, self.hierarchy, settings.primitives)
         self.q = np.where(may, 0.0, -np.inf)
         self._visits, self._rates = _rates(model, settings, self.q.size)
+        self._tries: NDArray[np.uint32] | None = None
         self._rows = kernel.Rows(
             self.first, self.ways.kind_of, self.ways.option_start, self.ways.option, self.ways.position.ravel()
         )
@@ -92,10 +93,14 @@ class LandmarkLearner:
     def advance(self, n_steps: int) -> int:
         """See Learner."""
         made: int = kernel.run_steps(
-            *self._world, self._rows, self.policy, *self._how, self._visits, self._rates, self._actions,
+            *self._world, self._rows, self.policy, *self._how, self._visits, self._tries, self._rates, self._actions,
             self.model.starts, self.q, self.progress, n_steps,
         )  # fmt: skip
         return made
+
+    def count_visits(self) -> None:
+        """See Counting."""
+        self._tries = np.zeros(len(self.model) * len(self._actions), np.uint32)
 
     def learned(self) -> Learned:
         """See Learner."""
@@ -107,7 +112,8 @@ class LandmarkLearner:
             polled = polling.of_blocks(self.ways, self.first, self.q)
         if self.hierarchy in (Hierarchy.OPTION, Hierarchy.INTRA_OPTION, Hierarchy.MACHINE):
             polled = polling.keep_to_choices(polled, self.model, self.greedy_step)
-        return Learned(polled)
+        tries = None if self._tries is None else self._tries.reshape(polled.shape).copy()
+        return Learned(polled, visits=tries)
 
     def greedy_step(self, state: int, running: int | None) -> tuple[int | None, int, bool]:
         """The greedy step: (option that runs now, move, whether it was chosen just now)."""
@@ -155,9 +161,15 @@ class MaxqLearner:
         )  # fmt: skip
         return made
 
+    def count_visits(self) -> None:
+        """See Counting.  Each move's reward is learned whenever it is made, so its updates count that."""
+        self._visits = counting(self._visits, self._rates.alpha, len(self.own) + len(self.model) * len(self._actions))
+
     def learned(self) -> Learned:
         """See Learner."""
-        return Learned(polling.keep_to_choices(self._poll(), self.model, self.greedy_step))
+        q = polling.keep_to_choices(self._poll(), self.model, self.greedy_step)
+        tries = None if self._visits is None else self._visits.counts[len(self.own) :].reshape(q.shape).copy()
+        return Learned(q, visits=tries)
 
     def _poll(self) -> NDArray[np.float64]:
         """What ``kernels.task_graph.poll`` finds; from then on V of every task is known in every state."""
