@@ -26,6 +26,11 @@ def check_signs(certificate, terms):
             check_gap(polynomial, low, high, critical)
     found = [sign(chain[0], (low + high) / 2) for low, high in gaps(brackets[0])]
     assert found == certificate["signs"]
+    shared = {exponent: int(of) for exponent, of in certificate["shared"]}
+    assert not shared or divides(shared, chain[0])
+    for (low, high), sure in zip(brackets[0], certificate["zeros"], strict=True):
+        changes = [of for of in (chain[0], shared) if sign(of, low) * sign(of, high) < 0]
+        assert changes or not sure or (low == high and sign(chain[0], low) == 0)
 
 
 def check_gap(polynomial, low, high, critical):
@@ -40,6 +45,17 @@ def check_gap(polynomial, low, high, critical):
             slope = sum(k * abs(of) * end ** (k - 1) for k, of in polynomial.items() if k)
             assert abs(value(polynomial, begin)) > (end - begin) * slope
         at = end
+
+
+def divides(factor, polynomial):
+    """Long division."""
+    rest, top = [Fraction(polynomial.get(k, 0)) for k in range(max(polynomial) + 1)], max(factor)
+    while len(rest) > top:
+        share = rest[-1] / factor[top]
+        for exponent, of in factor.items():
+            rest[len(rest) - 1 - top + exponent] -= share * of
+        assert rest.pop() == 0
+    return not any(rest)
 
 
 def gaps(brackets):

@@ -42,7 +42,7 @@ def test_brackets_hold_the_zeros_that_sympy_finds(terms):
     ):
         assert low <= root <= high
         assert high - low <= Fraction(1, 2**64)
-        assert sure or times > 1
+        assert sure
         assert (before == after) == (times % 2 == 0)
 
 
@@ -84,10 +84,17 @@ def spoiled(certificate):
     shorter = json.loads(text)
     del shorter["levels"][-1]
     yield shorter
+    if certificate["shared"]:
+        foreign = json.loads(text)
+        foreign["shared"][0][1] = str(int(foreign["shared"][0][1]) - 1)
+        yield foreign
+        unshared = json.loads(text)
+        unshared["shared"] = []
+        yield unshared
 
 
-def test_the_checker_finds_what_is_wrong():
-    terms = {0: 1, 3: -7, 9: 8, 20: -1}
+@pytest.mark.parametrize("terms", [{0: 1, 3: -7, 9: 8, 20: -1}, terms_of((3 * X - 1) ** 2 * (X**9 - 2 * X + 3))])
+def test_the_checker_finds_what_is_wrong(terms):
     certificate = sign_intervals(terms).certificate()
     check_signs(certificate, terms)
     for wrong in spoiled(certificate):
@@ -117,6 +124,20 @@ def test_a_thousand_steps_are_no_hindrance():
             for share in (1e-6, 0.1, 0.5, 0.9, 1 - 1e-6):
                 x = mpmath.mpf(low) + share * (mpmath.mpf(high) - low)
                 assert mpmath.sign(sum(of * x**k for k, of in terms.items())) == wanted
+
+
+@pytest.mark.parametrize("factor", [(3 * X - 2) ** 2, (2 * X**2 - 1) ** 2, (5 * X**3 - 2) ** 2])
+def test_where_it_only_touches_zero_is_proved_too(factor):
+    terms = terms_of(sympy.expand(factor * (100 * X**900 - 3 * X**400 - 200)))
+    found = sign_intervals(terms)
+    assert found.signs == (-1, -1)
+    assert found.is_zero == (True,)
+    check_signs(json.loads(json.dumps(found.certificate())), terms)
+
+
+def test_zeros_too_close_to_be_told_apart_are_not_said_to_be_there():
+    near = terms_of(sympy.expand((3 * X - 1) ** 2 * 2**1100 + X))
+    assert sign_intervals(near).is_zero == (False,)
 
 
 @pytest.mark.parametrize("terms", [{-1: 1}, {10**9: 1}])

@@ -6,6 +6,8 @@ terms and hardly with the degree, which is in the thousands for plans of thousan
 
 A *bracket* is an interval [low, high] between dyadic numbers, 2**-bits wide or a point.  What is proved of each level
 is that all its zeros in (0, 1) lie in its brackets.  All is whole numbers; nothing is rounded.
+
+Where a polynomial only touches 0, no sign changes.  There it shares a factor with its derivative, whose sign does.
 """
 
 from collections.abc import Iterator, Mapping
@@ -22,6 +24,8 @@ Bracket = tuple[int, int]
 
 FIRST_BITS, BITS, MOST_BITS = 16, 64, 512
 """Brackets are this narrow at first, for speed; in the end; and at most, where narrower ones may decide more."""
+MOST_SHARED = 5000
+"""Factors are looked for in polynomials of at most this degree."""
 MOST_DEGREE = 100_000
 """Numbers of this many times ``BITS`` bits are worked with."""
 
@@ -44,7 +48,9 @@ class SignIntervals:
     signs: tuple[int, ...]
     """1 or -1 left of the first bracket, between each two and right of the last one; (0,) for the polynomial 0."""
     is_zero: tuple[bool, ...]
-    """Whether a bracket is proved to hold exactly one zero; else it may hold none or several."""
+    """Whether a bracket is proved to hold a zero; else it may hold none."""
+    shared: Terms
+    """A factor of the first level that changes its sign in each bracket where that only touches 0; {} without such."""
 
     @property
     def brackets(self) -> tuple[tuple[Fraction, Fraction], ...]:
@@ -58,14 +64,20 @@ class SignIntervals:
         return {
             "bits": self.bits,
             "signs": list(self.signs),
+            "zeros": list(self.is_zero),
+            "shared": _as_text(self.shared),
             "levels": [
                 {
-                    "terms": [[exponent, str(of)] for exponent, of in sorted(level.terms.items())],
+                    "terms": _as_text(level.terms),
                     "brackets": [[str(low), str(high)] for low, high in level.brackets],
                 }
                 for level in self.levels
             ],
         }
+
+
+def _as_text(terms: Terms) -> list[list[Any]]:
+    return [[exponent, str(of)] for exponent, of in sorted(terms.items())]
 
 
 def sign_intervals(terms: Mapping[int, int]) -> SignIntervals:
@@ -77,11 +89,14 @@ def sign_intervals(terms: Mapping[int, int]) -> SignIntervals:
         raise SettingError(f"exponents must be from 0 to {MOST_DEGREE}, got {min(terms)} to {max(terms)}")
     kept = {exponent: of for exponent, of in terms.items() if of}
     if not kept:
-        return SignIntervals((Level({}, ()),), BITS, (0,), ())
-    bits = FIRST_BITS
+        return SignIntervals((Level({}, ()),), BITS, (0,), (), {})
+    bits, shared = FIRST_BITS, Terms()
     while True:
         levels = _levels(kept, bits)
         zeros = [_is_zero(levels, bracket, bits) for bracket in levels[0].brackets]
+        if not all(zeros) and bits >= BITS:
+            shared = shared or _shared_with_derivative(levels[0].terms)
+            zeros = [sure or _changes(shared, of, bits) for sure, of in zip(zeros, levels[0].brackets, strict=True)]
         if all(zeros) or 2 * bits > MOST_BITS:
             break
         bits *= 2
@@ -89,7 +104,7 @@ def sign_intervals(terms: Mapping[int, int]) -> SignIntervals:
         levels, bits = _narrowed(levels, bits), BITS
     ends = [0, *(end for bracket in levels[0].brackets for end in bracket), 1 << bits]
     signs = [sign_at(levels[0].terms, ends[at] + ends[at + 1], bits + 1) for at in range(0, len(ends), 2)]
-    return SignIntervals(tuple(levels), bits, tuple(signs), tuple(zeros))
+    return SignIntervals(tuple(levels), bits, tuple(signs), tuple(zeros), shared)
 
 
 def _levels(terms: Terms, bits: int) -> list[Level]:
@@ -109,6 +124,22 @@ def _is_zero(levels: list[Level], bracket: Bracket, bits: int) -> bool:
         return sign_at(terms, low, bits) == 0
     monotone = all(end <= low or begin >= high for begin, end in levels[1].brackets)
     return monotone and _sign_from(terms, low, bits) * _sign_up_to(terms, high, bits) < 0
+
+
+def _shared_with_derivative(terms: Terms) -> Terms:
+    """A factor that has each zero which the polynomial has more than once, and has it once; {} for one too large."""
+    if max(terms) > MOST_SHARED:
+        return {}
+    import sympy
+
+    whole = sympy.Poly({(exponent,): of for exponent, of in terms.items()}, sympy.Dummy(), domain="ZZ")
+    factor = whole.gcd(whole.diff()).sqf_part()
+    return {exponent: int(of) for (exponent,), of in factor.terms()}
+
+
+def _changes(terms: Terms, bracket: Bracket, bits: int) -> bool:
+    """Whether a polynomial has one sign at the lower end of a bracket and the other one at the upper end."""
+    return bool(terms) and sign_at(terms, bracket[0], bits) * sign_at(terms, bracket[1], bits) < 0
 
 
 def _narrowed(levels: list[Level], bits: int) -> list[Level]:
