@@ -28,10 +28,16 @@ if TYPE_CHECKING:
     from qualrl.qualitative.from_counts import Counts, Samples
 
 
-def why(model: HybridMDP, at: str | None = None, start: PlaceLike | None = None) -> "Why":
+def why(
+    model: HybridMDP,
+    at: str | None = None,
+    start: PlaceLike | None = None,
+    gammas: tuple[float, float] | None = None,
+) -> "Why":
     """Why the plan leaves a region as it does and not by the next best doorway: what each way earns, and where.
 
-    at: a region, by default the start's.  Raises UnknownNameError, and NoPlanError when no way leads to the goal.
+    at: a region, by default the start's.  gammas: a range to compare the two doorways for, where moves slip.
+    Raises UnknownNameError, SettingError, and NoPlanError when no way leads to the goal.
     """
     from qualrl.answers import why as answers
 
@@ -40,13 +46,19 @@ def why(model: HybridMDP, at: str | None = None, start: PlaceLike | None = None)
         raise SettingError("a model without a map has no doorways to choose from")
     if at is not None and at not in model.region_names:
         raise UnknownNameError(model.regions.why_not(at, "no region", model.region_names))
-    return answers.why(model, start_of(model, start)[0], goal_name(model), at)
+    return answers.why(model, start_of(model, start)[0], goal_name(model), at, gammas)
 
 
-def why_not(model: HybridMDP, via: str | Sequence[str], start: PlaceLike | None = None) -> "WhyNot":
+def why_not(
+    model: HybridMDP,
+    via: str | Sequence[str],
+    start: PlaceLike | None = None,
+    gammas: tuple[float, float] | None = None,
+) -> "WhyNot":
     """Why the plan does not go by a place (or several, in an order): what that costs, and for which gamma it would win.
 
-    via: names of regions, doorways or landmarks.  Raises NoPlanError when no way leads by them, UnknownNameError.
+    via: names of regions, doorways or landmarks.  gammas: a range to compare the two for, where moves slip.
+    Raises NoPlanError when no way leads by them, UnknownNameError, SettingError.
     """
     from qualrl.answers import why_not as answers
 
@@ -54,7 +66,8 @@ def why_not(model: HybridMDP, via: str | Sequence[str], start: PlaceLike | None 
     if model.regions is None:
         raise SettingError("a model without a map has no places to go by")
     state, name = start_of(model, start)
-    return answers.why_not(model, state, (name, goal_name(model)), [via] if isinstance(via, str) else list(via))
+    stops = [via] if isinstance(via, str) else list(via)
+    return answers.why_not(model, state, (name, goal_name(model)), stops, gammas)
 
 
 def what_if(

@@ -42,20 +42,38 @@ def way_by(model: HybridMDP, exact: ExactValues, start: int, stops: Sequence[str
     """
     world = model.grid
     before_goal = _without_goal(world)
-    cells = [states_at(model, stop) for stop in stops]
-    stops, cells = [stop for stop, at in zip(stops, cells, strict=True) if len(at)], [at for at in cells if len(at)]
-    values = [exact.shifted]
-    for name, stop in zip(reversed(stops), reversed(cells), strict=True):
-        values.append(_values_to(world, before_goal, stop, values[-1], exact.shift, name))
+    places = _places(model, stops)
+    values = _values(world, before_goal, exact, places)
     parts, here = list[tuple[int, ...]](), start
-    for name, stop, ahead in zip(stops, cells, reversed(values[1:]), strict=True):
+    for (name, stop), ahead in zip(places, values, strict=False):
         if not np.isfinite(ahead[here]):
             raise NoPlanError(f"no way leads from {model.describe(here)} to {name} without passing the goal first")
         slope = Slope(world, before_goal, ahead, exact.shift, has_goal=False)
         parts.append(tuple(slope.walk(here, _is_in(world, stop))))
         here = parts[-1][-1]
     parts.append(tuple(exact_walk(model, exact, here)))
-    return StoppingWay(tuple(parts), float(values[-1][start] - exact.shift))
+    return StoppingWay(tuple(parts), float(values[0][start] - exact.shift))
+
+
+def worth_by(model: HybridMDP, exact: ExactValues, start: int, stops: Sequence[str]) -> float:
+    """What that way is worth, shifted as exact values are."""
+    return float(_values(model.grid, _without_goal(model.grid), exact, _places(model, stops))[0][start])
+
+
+def _places(model: HybridMDP, stops: Sequence[str]) -> list[tuple[str, NDArray[np.int64]]]:
+    """Each stop and its states; those that are the goal alone are left out."""
+    found = [(stop, states_at(model, stop)) for stop in stops]
+    return [(stop, states) for stop, states in found if len(states)]
+
+
+def _values(
+    world: GridWorld, before_goal: NDArray[np.uint32], exact: ExactValues, places: list[tuple[str, NDArray[np.int64]]]
+) -> list[NDArray[np.float64]]:
+    """Shifted values (S,) on the way to each place, and after the last of them."""
+    values = [exact.shifted]
+    for name, states in reversed(places):
+        values.append(_values_to(world, before_goal, states, values[-1], exact.shift, name))
+    return values[::-1]
 
 
 def states_at(model: HybridMDP, name: str) -> NDArray[np.int64]:

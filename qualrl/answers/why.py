@@ -5,6 +5,7 @@ S states, A actions.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,10 @@ from numpy.typing import NDArray
 from qualrl.answers.account import Account, account_of_policy, account_of_walk
 from qualrl.answers.answer import ALIKE, Answer
 from qualrl.answers.depth import Depth
+from qualrl.answers.over_gamma import UNDECIDED, OverGamma, Span, over_gamma
 from qualrl.answers.policy import best_policy
 from qualrl.answers.slope import Slope
-from qualrl.answers.through import ThroughWay, way_through
+from qualrl.answers.through import ThroughWay, values_through, way_through
 from qualrl.answers.ways import Way, course, longer, way_of
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.choices import Chooser
@@ -25,6 +27,7 @@ from qualrl.planning.planner import exact_walk
 from qualrl.planning.values import exact_plan_values
 from qualrl.qualitative.plan_value import Contrast, contrast
 from qualrl.solving.exact import ExactValues, exact_values
+from qualrl.spatial.region_map import Doorway
 
 FELT = 1e-3
 """Entries that differ by less than this share of the margin are put in words together."""
@@ -69,6 +72,8 @@ class Why(Answer):
     """The accounts of both ways, largest difference first; the differences add up to that of the values."""
     contrast: Contrast | None
     """Of both ways for every gamma; None where moves slip, or there is only one."""
+    over_gamma: OverGamma | None = None
+    """Of leaving by the one doorway or the other, for a range of gammas where moves slip; None unless asked for."""
 
     def lines(self, depth: Depth) -> Iterator[str]:
         """See Answer."""
@@ -89,8 +94,12 @@ class Why(Answer):
         if self.contrast is not None:
             words = self.contrast.in_words("the plan", "the next best", depth == Depth.NUMBERS)
             yield f"Of these two ways, {words}."
+        elif self.over_gamma is not None:
+            one, other = (f"the way by {way.doors[0]}" for way in (self.best, self.other))
+            words = self.over_gamma.in_words(one, other, depth)
+            yield f"If slips may not change which doorway it is, {words}."
         else:
-            yield "Which is better at another gamma is undecided: moves slip, so no formula of a way tells."
+            yield f"Which is better at another gamma is {UNDECIDED}."
 
     def _made_up_of(self, margin: float, depth: Depth) -> Iterator[str]:
         told = [entry for entry in self.entries if abs(entry.difference) > FELT * margin]
@@ -112,6 +121,7 @@ class Why(Answer):
                 for of in self.entries
             ],
             "contrast": None if self.contrast is None else self.contrast.to_dict("best", "other"),
+            "over_gamma": None if self.over_gamma is None else self.over_gamma.to_dict("best", "other"),
         }  # fmt: skip
 
 
@@ -120,11 +130,12 @@ def _ahead(difference: float, depth: Depth) -> str:
     return depth.at_numbers(f"{abs(difference):.3g} ") + ("for it" if difference > 0 else "against it")
 
 
-def why(model: HybridMDP, start: int, goal: str, at: str | None) -> Why:
+def why(model: HybridMDP, start: int, goal: str, at: str | None, gammas: Span | None = None) -> Why:
     """Ask why the plan from a state goes on as it does where it enters the region ``at``, or right there (None).
 
-    goal: what to call it.  A region that the plan does not pass is asked about at its centre.
-    Raises NoPlanError where no way leads to the goal.
+    goal: what to call it.  gammas: a range to compare the two doorways for, where moves slip.
+    A region that the plan does not pass is asked about at its centre.
+    Raises NoPlanError where no way leads to the goal, SettingError for a range that cannot be told about.
     """
     assert model.regions is not None
     model.check_reachable(start)
@@ -152,6 +163,7 @@ def why(model: HybridMDP, start: int, goal: str, at: str | None) -> Why:
         place, cell, goal, model.gamma, action, best,
         f"go through {others[0].door.name} to {model.region_names[others[0].to_region]}", other, _entries(*accounts),
         None if slips else contrast(course(model, walk), course(model, through.walk)),
+        None if gammas is None else over_gamma(model, gammas, partial(_through, walk[0], (door, others[0].door))),
     )  # fmt: skip
 
 
@@ -165,6 +177,12 @@ def _from(model: HybridMDP, exact: ExactValues, walk: list[int], at: str) -> lis
     state = int(model.grid.state_of[model.regions.regions[region].centre])
     model.check_reachable(state)
     return exact_walk(model, exact, state)
+
+
+def _through(start: int, doors: tuple[Doorway, Doorway], model: HybridMDP, exact: ExactValues) -> tuple[float, float]:
+    """Shifted values of leaving a state's region by each of two doorways."""
+    one, other = (values_through(model, exact, start, door, model.grid.slip)[1][start] for door in doors)
+    return float(one), float(other)
 
 
 def _walked(model: HybridMDP, walk: Sequence[int], through: ThroughWay) -> tuple[Account, Account]:

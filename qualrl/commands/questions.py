@@ -16,6 +16,14 @@ if TYPE_CHECKING:
 From = Annotated[str | None, typer.Option("--from", metavar="PLACE", help=f"Where to start: {PLACE}.")]
 
 
+GammaRange = Annotated[
+    str | None,
+    typer.Option(
+        "--gamma", metavar="LOW..HIGH", help="Where moves slip: which way is better at which gamma, as 0.9..0.9999."
+    ),
+]
+Span = tuple[float, float]
+
 Kind = TypeVar("Kind", bound="Answer")
 
 
@@ -42,3 +50,20 @@ def answered(
 ) -> None:
     """Build a scenario's model, ask it, and print the answer."""
     told(asked(source, settings, console, ask)[1], console, depth)
+
+
+def span_of(option: str, text: str) -> Span:
+    """An interval as it is written for an option, "0.6..0.9", or one number."""
+    low, dots, high = text.partition("..")
+    number = number_of(option, low)
+    return number, number_of(option, high) if dots else number
+
+
+def number_of(option: str, text: str) -> float:
+    """A number as it is written for an option."""
+    from qualrl.errors import ScenarioError
+
+    try:
+        return float(text)
+    except ValueError:
+        raise ScenarioError(f"{option}: {text.strip()!r} is no number; write 0.8, or an interval as 0.6..0.9") from None

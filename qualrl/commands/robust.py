@@ -8,12 +8,10 @@ import typer
 from qualrl.answers.depth import Depth
 from qualrl.commands.console import Console, guarded
 from qualrl.commands.options import AsJson, Debug, DepthOption, Quiet, ScenarioFile, Settings
-from qualrl.commands.questions import From, answered
+from qualrl.commands.questions import From, Span, answered, number_of, span_of
 
 if TYPE_CHECKING:
     from qualrl.qualitative.from_counts import Counts, Samples
-
-Span = tuple[float, float]
 
 
 @guarded
@@ -82,7 +80,7 @@ def _chance(option: str, text: str) -> "Span | Counts":
 
     hits, slash, trials = text.partition("/")
     if not slash:
-        return _span(option, text)
+        return span_of(option, text)
     if not (hits.strip().isdecimal() and trials.strip().isdecimal()):
         raise ScenarioError(f"{option} {text!r}: write a count in whole numbers, as 7/10")
     return Counts(int(hits), int(trials))
@@ -92,20 +90,5 @@ def _time(text: str) -> "Span | Samples":
     from qualrl.qualitative.from_counts import Samples
 
     if "," in text:
-        return Samples(tuple(_number("--time", part) for part in text.split(",")))
-    return _span("--time", text)
-
-
-def _span(option: str, text: str) -> Span:
-    low, dots, high = text.partition("..")
-    number = _number(option, low)
-    return number, _number(option, high) if dots else number
-
-
-def _number(option: str, text: str) -> float:
-    from qualrl.errors import ScenarioError
-
-    try:
-        return float(text)
-    except ValueError:
-        raise ScenarioError(f"{option}: {text.strip()!r} is no number; write 0.8, or an interval as 0.6..0.9") from None
+        return Samples(tuple(number_of("--time", part) for part in text.split(",")))
+    return span_of("--time", text)

@@ -7,7 +7,7 @@ import typer
 from qualrl.answers.depth import Depth
 from qualrl.commands.console import Console, guarded
 from qualrl.commands.options import AsJson, Debug, DepthOption, Quiet, ScenarioFile, Settings
-from qualrl.commands.questions import From, answered
+from qualrl.commands.questions import From, GammaRange, answered, span_of
 
 
 @guarded
@@ -17,6 +17,7 @@ def why(
         str | None, typer.Option("--at", metavar="REGION", help="Where to ask it; by default at the start.")
     ] = None,
     start: From = None,
+    gamma: GammaRange = None,
     settings: Settings = None,
     depth: DepthOption = Depth.NUMBERS,
     as_json: AsJson = False,
@@ -26,4 +27,7 @@ def why(
     """Compare the plan's next doorway with the next best one: the difference in value by region and kind of reward."""
     from qualrl import questions
 
-    answered(source, settings, Console(as_json, quiet), depth, lambda model: questions.why(model, at, start))
+    gammas = None if gamma is None else span_of("--gamma", gamma)
+    answered(
+        source, settings, Console(as_json, quiet), depth, lambda model: questions.why(model, at, start, gammas=gammas)
+    )

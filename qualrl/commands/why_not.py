@@ -7,7 +7,7 @@ import typer
 from qualrl.answers.depth import Depth
 from qualrl.commands.console import Console, guarded
 from qualrl.commands.options import AsJson, Debug, DepthOption, Quiet, ScenarioFile, Settings
-from qualrl.commands.questions import From, answered
+from qualrl.commands.questions import From, GammaRange, answered, span_of
 
 
 @guarded
@@ -17,6 +17,7 @@ def why_not(
         list[str], typer.Option("--via", metavar="PLACE", help="A region, doorway or landmark; more for an order.")
     ],
     start: From = None,
+    gamma: GammaRange = None,
     settings: Settings = None,
     depth: DepthOption = Depth.NUMBERS,
     as_json: AsJson = False,
@@ -26,4 +27,11 @@ def why_not(
     """Compare the best way with the best one by some places: what that costs, and for which gamma it would win."""
     from qualrl import questions
 
-    answered(source, settings, Console(as_json, quiet), depth, lambda model: questions.why_not(model, via, start=start))
+    gammas = None if gamma is None else span_of("--gamma", gamma)
+    answered(
+        source,
+        settings,
+        Console(as_json, quiet),
+        depth,
+        lambda model: questions.why_not(model, via, start=start, gammas=gammas),
+    )

@@ -1,0 +1,151 @@
+"""Which of two ways is better at which gamma, while moves slip: proved for a range, from values at some in it."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import Any
+
+from qualrl.answers.depth import Depth
+from qualrl.answers.uncertain import check_span
+from qualrl.errors import SettingError
+from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.qualitative.arrivals import Solved, sign_between
+from qualrl.qualitative.signs import one_after_the_other
+from qualrl.solving.exact import ExactValues, exact_values
+
+FIRST_SOLVED, MOST_SOLVED = 6, 48
+NARROW = 0.002
+"""What is undecided is left so once gamma's distance from 1 changes by a smaller share across it."""
+FEWEST = 1e-280
+"""A smaller E[gamma ** T] is not computed to all its digits."""
+
+UNDECIDED = "undecided: moves slip, so no formula of a way tells; a range of gammas to look at can be asked for"
+"""Where that was not done."""
+
+Span = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Which of two ways is worth more from one gamma to another."""
+
+    low: float
+    high: float
+    sign: int
+    """1 for the first, -1 for the second, 0 where it is undecided."""
+
+
+@dataclass(frozen=True)
+class OverGamma:
+    """Two ways compared for all gammas of a range."""
+
+    solved: tuple[Solved, ...]
+    """By gamma; both ends of the range among them."""
+    verdicts: tuple[Verdict, ...]
+    """In order, without gaps."""
+
+    def in_words(self, first: str, second: str, depth: Depth) -> str:
+        """The verdicts in one sentence; ``first`` and ``second`` say what to call the two."""
+        called = {1: first, -1: second, 0: "undecided"}
+        told = [of for of in self.verdicts if of.sign]
+        ends = self.verdicts[0].low, self.verdicts[-1].high
+        every = f"every gamma {depth.at_numbers(f'from {ends[0]:.6g} to {ends[1]:.6g}', 'asked about')}"
+        if not told:
+            return f"which of {first} and {second} is worth more is undecided for {every}"
+        if len(self.verdicts) == 1:
+            return f"for {every} {called[told[0].sign]} is worth more: proved"
+        if depth != Depth.NUMBERS:
+            return f"worth more is {one_after_the_other([called[of.sign] for of in self.verdicts], 'gamma')}: proved"
+        spans = ", ".join(f"{called[of.sign]} for gamma from {of.low:.6g} to {of.high:.6g}" for of in told)
+        rest = [f"{of.low:.6g} to {of.high:.6g}" for of in self.verdicts if not of.sign]
+        undecided = f"; undecided from {', '.join(rest)}" if rest else ""
+        return f"worth more is {spans}: proved{undecided}"
+
+    def to_dict(self, first: str, second: str) -> dict[str, Any]:
+        """As JSON; ``first`` and ``second`` are the keys of the two."""
+        better = {1: first, -1: second, 0: "undecided"}
+        return {
+            "verdicts": [{"low": of.low, "high": of.high, "better": better[of.sign]} for of in self.verdicts],
+            "solved": [{"gamma": of.gamma, first: of.logs[0], second: of.logs[1]} for of in self.solved],
+        }
+
+
+def over_gamma(
+    model: HybridMDP, gammas: Span, worth: Callable[[HybridMDP, ExactValues], tuple[float, float]]
+) -> OverGamma:
+    """Compare two ways for all gammas of a range.
+
+    worth: the shifted values of both ways in a model, which differs from ``model`` in gamma and rewards only, from
+    the exact values of that.
+    Raises SettingError for what is no range, where no move slips, where steps are not paid alike, and for a gamma so
+    small that floating point cannot hold what the ways are worth.
+    """
+    check_span("gamma", gammas, 0, 1)
+    if not 0 < gammas[0] < gammas[1] < 1:
+        raise SettingError(f"a range of gammas must lie within (0, 1), got {gammas[0]:g}..{gammas[1]:g}")
+    if model.grid.slip == 0:
+        raise SettingError("no move slips, so the answer tells of every gamma as it is: ask without a range of gammas")
+    if model.grid.directions != 4:
+        raise SettingError("diagonal steps cost more than others, so no range of gammas tells: set motion.directions 4")
+
+    def solve(gamma: float, towards: float = 0.0) -> Solved:
+        changed, exact = _at(model, gamma, towards)
+        arrive = [value / exact.shift for value in worth(changed, exact)]
+        if min(arrive) < FEWEST:
+            raise SettingError(
+                f"gamma {gamma:.6g} is too small: the goal is so far off that floating point cannot tell what the ways "
+                "are worth; ask from a larger one"
+            )
+        return Solved(changed.gamma, (math.log(arrive[0]), math.log(arrive[1])))
+
+    points = _solved(solve, *gammas)
+    signs = [sign_between(points, at) for at in range(len(points) - 1)]
+    return OverGamma(tuple(points), _joined(points, signs))
+
+
+def _at(model: HybridMDP, gamma: float, towards: float) -> tuple[HybridMDP, ExactValues]:
+    """The model with steps paid -1 and nothing at the goal: shifted values are shift times E[gamma ** (T - 1)].
+
+    Gamma is moved by a few units in its last place to where shifted rewards of steps are 0 without rounding.
+    """
+    while 1 / (1 - gamma) * (1 - gamma) != 1:
+        gamma = math.nextafter(gamma, towards)
+    world = replace(model.grid, gamma=gamma, step_reward=-1.0, goal_reward=0.0)
+    return replace(model, world=world), exact_values(world)
+
+
+def _solved(solve: Callable[..., Solved], low: float, high: float) -> list[Solved]:
+    """Points from one gamma to another, more of them where it is not clear which way is better."""
+    far, near = _nearness(low), _nearness(high)
+    spread = (far + (near - far) * at / (FIRST_SOLVED - 1) for at in range(1, FIRST_SOLVED - 1))
+    points = [solve(low), *(solve(_gamma(of)) for of in spread), solve(high, 1.0)]
+    while len(points) < MOST_SOLVED:
+        widths = {
+            at: _nearness(points[at + 1].gamma) - _nearness(points[at].gamma)
+            for at in range(len(points) - 1)
+            if sign_between(points, at) == 0 and (points[at].sign or points[at + 1].sign)
+        }
+        at = max(widths, key=widths.__getitem__, default=0)
+        if widths.get(at, 0.0) < NARROW:
+            break
+        points.insert(at + 1, solve(_gamma((_nearness(points[at].gamma) + _nearness(points[at + 1].gamma)) / 2)))
+    return points
+
+
+def _nearness(gamma: float) -> float:
+    """How near gamma is to 1, on a scale on which each tenth of the distance is as long as the one before."""
+    return -math.log(-math.log(gamma))
+
+
+def _gamma(nearness: float) -> float:
+    return math.exp(-math.exp(-nearness))
+
+
+def _joined(points: Sequence[Solved], signs: Sequence[int]) -> tuple[Verdict, ...]:
+    """Neighbours of one kind as one."""
+    found = []
+    for sign, group in groupby(range(len(signs)), key=signs.__getitem__):
+        of = list(group)
+        found.append(Verdict(points[of[0]].gamma, points[of[-1] + 1].gamma, sign))
+    return tuple(found)
