@@ -46,6 +46,9 @@ QUESTIONS = {
     "which matters, slips": lambda: ASK.which_matters(SLIPPERY),
     "why unreachable": lambda: ASK.why_unreachable(CUT),
     "reconcile": lambda: ASK.reconcile(PLAIN, [qualrl.plan(PLAIN).places[0], ASIDE, qualrl.plan(PLAIN).places[-1]]),
+    "reconcile, slips": lambda: ASK.reconcile(
+        SLIPPERY, [qualrl.plan(SLIPPERY).places[0], ASIDE, qualrl.plan(SLIPPERY).places[-1]]
+    ),
     "signs": lambda: ASK.signs(PLAIN),
     "envision": lambda: ASK.envision(PLAIN),
     "envision, slips": lambda: ASK.envision(SLIPPERY),

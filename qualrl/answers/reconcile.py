@@ -3,7 +3,8 @@
 What may change is which regions are joined: a doorway closed, or a wall opened where two places that are to follow
 each other have no doorway.  Openings are what the expected plan cannot do without; the closings are found by search.
 A set of closings that makes the expected plan best must close some doorway of every better way, so only doorways of
-the best way so far are tried (moves must not slip: else a value hangs on doorways beside its way).
+the best way so far are tried.  Where moves slip, a value hangs on doorways beside its way too, so all that may be
+reached are tried, and the plan that is best is told by the regions that it passes if no move slips.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -11,17 +12,24 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 from qualrl.answers.answer import ALIKE, Answer
 from qualrl.answers.changed_model import Change, with_opened
 from qualrl.answers.depth import Depth
 from qualrl.answers.ways import Way, longer, way_of
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError
+from qualrl.kernels.grid import breadth_first
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.planner import exact_walk
+from qualrl.qualitative.graph import crossings_of
 from qualrl.solving.exact import exact_values
 
 MOST_SOLVED = 1000
 """Models that are solved at most to find the smallest set of closings."""
+
+MOST_SOLVED_SLIPPING = 60
+"""The same where moves slip, and each takes longer."""
 
 Doors = frozenset[str]
 
@@ -40,6 +48,8 @@ class Reconciled(Answer):
     opened: tuple[Change, ...]
     closed: tuple[str, ...]
     """Doorways to close."""
+    slips: bool
+    """Whether moves slip."""
     is_smallest: bool
     """Whether no smaller set of closings would do; else none can be left out of this one, but others were not tried."""
 
@@ -50,13 +60,16 @@ class Reconciled(Answer):
         beside = depth.at_signs(f", {self.own.worth_beside(self.best)}; {longer(self.own, self.best, depth)}")
         yield f"Best from {self.start} to {self.goal}: {self.best.with_worth(depth)}."
         yield f"Expected: {self.own.with_worth(depth)}{opened}{beside}."
+        if self.slips and depth != Depth.NAMES:
+            yield "Moves slip: a plan is told by the places that it passes if none does, and its value counts slips."
         if not self.opened and not self.closed:
             yield f"The expected plan is best already{depth.from_signs(', or as good as any')}."
             return
         changes += [f"{name} closed" for name in self.closed]
         yield f"It would be best with {', '.join(changes)}."
         if self.closed and self.is_smallest and depth != Depth.NAMES:
-            yield "No smaller set of closed doorways would do: those of every better way were tried."
+            tried = "all that may be reached" if self.slips else "those of every better way"
+            yield f"No smaller set of closed doorways would do: {tried} were tried."
         elif self.closed and not self.is_smallest:
             undecided = depth.from_signs("; whether a smaller set would do is undecided")
             yield f"None of these closings can be left out{undecided}."
@@ -66,7 +79,7 @@ class Reconciled(Answer):
         return {
             "question": "reconcile", "from": self.start, "to": self.goal, "expected": list(self.expected),
             "best": self.best.to_dict(), "own": self.own.to_dict(), "opened": [change.words for change in self.opened],
-            "closed": list(self.closed), "smallest": self.is_smallest,
+            "closed": list(self.closed), "slips": self.slips, "smallest": self.is_smallest,
         }  # fmt: skip
 
 
@@ -92,13 +105,12 @@ def reconcile(model: HybridMDP, start: int, names: tuple[str, str], expected: Se
             "of them leads nowhere; expect more places"
         )
     closed, is_smallest = search.closings()
-    return Reconciled(*names, tuple(expected), best, own, tuple(opened), tuple(sorted(closed)), is_smallest)
+    slips = model.grid.slip > 0
+    return Reconciled(*names, tuple(expected), best, own, tuple(opened), tuple(sorted(closed)), slips, is_smallest)
 
 
 def _check(model: HybridMDP, start: int, expected: Sequence[str]) -> None:
     assert model.regions is not None
-    if model.grid.slip > 0:
-        raise SettingError("where moves slip, a value hangs on every doorway near its way: set motion.slip to 0 to ask")
     for name in expected:
         if name not in model.region_names:
             raise UnknownNameError(model.regions.why_not(name, "no region", model.region_names))
@@ -131,6 +143,16 @@ class _Search:
     expected: tuple[str, ...]
     known: dict[Doors, Way | None] = field(default_factory=dict)
 
+    @property
+    def slips(self) -> bool:
+        """Whether moves slip."""
+        return self.model.grid.slip > 0
+
+    @property
+    def is_over(self) -> bool:
+        """Whether enough was tried."""
+        return len(self.known) >= (MOST_SOLVED_SLIPPING if self.slips else MOST_SOLVED)
+
     def way(self, closed: Doors) -> Way | None:
         """The best way with some doorways closed; None where there is none."""
         if closed not in self.known:
@@ -148,7 +170,10 @@ class _Search:
 
     def is_best(self, closed: Doors) -> bool:
         """Whether the expected plan is as good as any with some doorways closed."""
-        own, best = self.own(closed), self.way(closed)
+        best = self.way(closed)
+        if self.slips:
+            return best is not None and best.places == self.expected
+        own = self.own(closed)
         if own is None or best is None:
             return False
         return best.places == self.expected or own.value >= best.value - ALIKE * abs(best.value)
@@ -156,11 +181,11 @@ class _Search:
     def closings(self) -> tuple[Doors, bool]:
         """A set of doorways whose closing makes the expected plan best, and whether it is known to be smallest."""
         size = 0
-        while len(self.known) < MOST_SOLVED:
+        while not self.is_over:
             for closed in self._of_size(frozenset(), size):
                 if self.is_best(closed):
                     return closed, True
-                if len(self.known) >= MOST_SOLVED:
+                if self.is_over:
                     break
             size += 1
         return self._none_to_spare(), False
@@ -171,16 +196,33 @@ class _Search:
             yield closed
             return
         way = self.way(closed)
-        for door in sorted(set(way.doors)) if way is not None and not self.is_best(closed) else ():
-            if self.own(closed | {door}) is not None:
+        if way is None or self.is_best(closed):
+            return
+        for door in dict.fromkeys((*sorted(set(way.doors)), *(self._reached(closed) if self.slips else ()))):
+            if self.slips or self.own(closed | {door}) is not None:
                 yield from self._of_size(closed | {door}, size - 1)
+
+    def _reached(self, closed: Doors) -> list[str]:
+        """The open doorways to which moves may lead."""
+        assert self.model.regions is not None
+        changed = self.model.with_closed(closed)
+        reached = breadth_first(changed.grid.successor, np.array([self.start]))[1] >= 0
+        found = []
+        for door in self.model.regions.doorways:
+            cells = [cell for ends in crossings_of(self.model.regions, door) for cell in ends]
+            if door.name not in closed and any(reached[changed.grid.state_of[cell]] for cell in cells):
+                found.append(door.name)
+        return sorted(found)
 
     def _none_to_spare(self) -> Doors:
         """All doorways but those between expected places, less each that can be left out."""
         assert self.model.regions is not None
         closed = frozenset(door.name for door in self.model.regions.doorways)
         closed -= _doors_between(self.model, pairwise(self.expected))
-        for door in sorted(closed):
-            if self.is_best(closed - {door}):
-                closed -= {door}
+        spared = True
+        while spared:  # one that is left out may make another needless, where moves slip
+            spared = False
+            for door in sorted(closed):
+                if self.is_best(closed - {door}):
+                    closed, spared = closed - {door}, True
         return closed
