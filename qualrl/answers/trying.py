@@ -9,9 +9,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 from qualrl.answers.answer import in_sign
 from qualrl.answers.depth import Depth
 from qualrl.answers.ways import course
+from qualrl.kernels.grid import breadth_first
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.crossings import door_taken
 from qualrl.planning.planner import exact_walk
@@ -19,6 +22,8 @@ from qualrl.qualitative.break_even import BreakEven
 from qualrl.qualitative.plan_value import Chance, Contrast, contrast
 from qualrl.solving.exact import ExactValues
 
+STRAIGHT = 4
+"""Directions of a robot that makes no diagonal moves."""
 ROUNDING = 1e-9
 """Of a probability."""
 
@@ -28,7 +33,7 @@ class Trying:
     """The answer for moves that do not slip."""
 
     door: str
-    """The first of the closed doorways on the best way."""
+    """The closed doorway that is tried: of all ways to one, that which pays at the least probability."""
     gamma: float
     break_even: BreakEven
     chance: float | None
@@ -100,28 +105,65 @@ class Trying:
 
 def trying(
     before: HybridMDP, after: HybridMDP, walk: Sequence[int], walk_round: Sequence[int], exact_after: ExactValues,
-    chance: float | None,
+    chance: float | None, exact: ExactValues | None = None,
 ) -> Trying | None:  # fmt: skip
     """Compare trying a closed doorway with going round; None where the best way passes no doorway closed since.
 
-    before, after: with the doorways open and closed; walk, walk_round: their best ways.
+    before, after: with the doorways open and closed; walk, walk_round: their best ways; exact: values before, to look
+    for the place at which trying pays soonest; without them it is where the walk comes to a closed doorway.
     """
-    door = _first_closed(before, after, walk)
-    if door is None or before.grid.slip > 0 or before.grid.differs_in(after.grid) != {"closed"}:
+    at = _first_closed(before, after, walk)
+    if at is None or before.grid.slip > 0 or before.grid.differs_in(after.grid) != {"closed"}:
         return None
-    at, name = door
-    back = exact_walk(after, exact_after, walk[at])
-    ways = BreakEven(course(before, walk), course(after, [*walk[:at], *back]), course(after, walk_round))
+    there, onward = list(walk[: at + 1]), list(walk[at + 1 :])
+    if exact is not None and before.grid.directions == STRAIGHT:
+        there, onward = _cheapest_try(before, after, exact, exact_after, (there, onward))
+    assert before.regions is not None
+    door = door_taken(before, before.regions, there[-1], onward[0])
+    back = exact_walk(after, exact_after, there[-1])
+    opened, closed = [*there, *onward], [*there[:-1], *back]
+    ways = BreakEven(course(before, opened), course(after, closed), course(after, walk_round))
     compared = None if chance is None else contrast(Chance(chance, ways.open, ways.closed), ways.round)
-    return Trying(name, before.gamma, ways, chance, compared)
+    return Trying(door.name, before.gamma, ways, chance, compared)
 
 
-def _first_closed(before: HybridMDP, after: HybridMDP, walk: Sequence[int]) -> tuple[int, str] | None:
-    """The index of the first step of a walk that is closed in the other model, and the doorway it leads through."""
+def _cheapest_try(
+    before: HybridMDP, after: HybridMDP, exact: ExactValues, exact_after: ExactValues, told: tuple[list[int], list[int]]
+) -> tuple[list[int], list[int]]:
+    """States to a step that is closed, and on after it: of all such steps one that pays at the least probability.
+
+    told: those of the best way, which are kept if none pays at less.  The robot makes no diagonal moves.
+    """
+    opened, shut, gamma = before.grid, after.grid, before.gamma
+    start = told[0][0]
+    steps = breadth_first(shut.successor, np.array([start]))[1]
+    here, moves = np.nonzero(opened.successor != shut.successor)
+    there = opened.successor[here, moves].astype(np.int64)
+    can = (steps[here] >= 0) & ((opened.steps_to_goal[there] > 0) | (there == opened.goal)) & (here != opened.goal)
+    here, there = here[can], there[can]
+    beyond = np.where(there == opened.goal, opened.goal_reward + exact.shift, gamma * exact.shifted[there])
+    discount = gamma ** steps[here].astype(float)
+    gain = discount * (beyond - exact_after.shifted[here])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        enough = (exact_after.shifted[start] - discount * exact_after.shifted[here]) / gain
+    enough[~(gain > ROUNDING * discount * beyond)] = np.inf
+    own = enough[(here == told[0][-1]) & (there == told[1][0])]
+    best = int(enough.argmin())
+    if not enough[best] < min(own.min(), 1.0) - ROUNDING:
+        return told
+    first, last = [int(here[best])], int(there[best])
+    while first[-1] != start:  # every move can be taken back
+        near = shut.successor[first[-1]]
+        first.append(int(near[(steps[near] == steps[first[-1]] - 1).argmax()]))
+    return first[::-1], [last] if last == opened.goal else exact_walk(before, exact, last)
+
+
+def _first_closed(before: HybridMDP, after: HybridMDP, walk: Sequence[int]) -> int | None:
+    """The index of the first step of a walk that is closed in the other model."""
     if len(before) != len(after) or before.regions is None:
         return None
     successor = after.grid.successor
     for at, (here, there) in enumerate(pairwise(walk)):
         if there not in successor[here]:
-            return at, door_taken(before, before.regions, here, there).name
+            return at
     return None

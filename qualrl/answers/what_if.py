@@ -190,7 +190,7 @@ def what_if(
         compared = contrast(course(before, walk), course(after, walk_after))
     return WhatIf(
         *names, changes, way, way_after, turned, before.gamma == after.gamma, chance,
-        trying(before, after, walk, walk_after, exact_after, chance),
+        trying(before, after, walk, walk_after, exact_after, chance, exact),
         None if number is None else _switch(before, starts[0], number, getattr(after.grid, number), way), compared,
     )  # fmt: skip
 
