@@ -249,7 +249,9 @@ def start_of(model: HybridMDP, start: PlaceLike | None) -> tuple[int, str]:
     """State and name of a start."""
     if start is None:
         if model.start is None:
-            raise SettingError("say where to start: this model has no start of its own")
+            raise SettingError(
+                "say where to start, by --from or a start of the scenario: this model has none of its own"
+            )
         return model.start, _cell_name(model, model.start) if model.regions else model.describe(model.start)
     if isinstance(start, int):
         if not 0 <= start < len(model):

@@ -112,15 +112,27 @@ def compared(
     state, name = start_of(model, start)
     after = start_of(changed, start)[0]
     doors = changed_model.doors_named(changed.regions, [close] if isinstance(close, str) else close)
-    if chance is not None and not (0 <= chance <= 1 and doors and model.grid.slip == 0):
-        raise SettingError(f"chance {chance} must be from 0 to 1, of doorways to close, where moves do not slip")
+    _check_chance(chance, doors, changed, open)
+    unclosed = changed if doors and open is None else None
     if doors:
         words = f"{', '.join(doors)} closed"
         changed, told = changed.with_closed(doors), (*told, changed_model.Change(words, words))
     if open is not None:
         changed, after, opened = changed_model.with_opened(changed, open, after)
         told = (*told, opened)
-    return answers.what_if(model, changed, (state, after), (name, goal_name(model)), told, chance)
+    return answers.what_if(model, changed, (state, after), (name, goal_name(model)), told, chance, unclosed)
+
+
+def _check_chance(chance: float | None, doors: Sequence[str], changed: HybridMDP, open: tuple[str, str] | None) -> None:
+    """Raise SettingError unless a chance is one, and can be asked about."""
+    if chance is None:
+        return
+    if not 0 <= chance <= 1:
+        raise SettingError(f"a chance must be from 0 to 1, got {chance:g}")
+    if not doors or open is not None:
+        raise SettingError("a chance is that of doorways to close: name them, and open no wall in the same question")
+    if changed.grid.slip > 0:
+        raise SettingError("whether to go and see is a formula only where no move slips: set slip 0, or ask no chance")
 
 
 def reconcile(model: HybridMDP, expected: str | Sequence[str], start: PlaceLike | None = None) -> "Reconciled":

@@ -4,6 +4,7 @@ those of the numbers.
 
 import json
 import re
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -82,8 +83,10 @@ def less_or_more(difference, of):
     return 0 if abs(difference) <= 1e-9 * abs(of) else 1 if difference > 0 else -1
 
 
-def worth(value, other):
-    return {-1: "worth less", 0: "worth as much", 1: "worth more"}[less_or_more(value - other, other)]
+def worth(way, other):
+    difference, off = way["shifted"] - other["shifted"], way["off"] + other["off"]
+    sign = 0 if abs(difference) <= off else 1 if difference > 0 else -1
+    return {-1: "worth less", 0: "worth as much", 1: "worth more"}[sign]
 
 
 def check_verdicts(sentence, contrast, first, second):
@@ -110,7 +113,7 @@ def test_why(ends, motion):
     if answer.other is None:
         return
     best, other = document["best"], document["other"]
-    assert f", {worth(other['value'], best['value'])}; it is" in signs
+    assert f", {worth(other, best)}; it is" in signs
     assert f"it is {LONGER[less_or_more(other['length_m'] - best['length_m'], best['length_m'])]}" in signs
     told = re.findall(r"^  (.*), (.*): (for|against) it$", signs, re.MULTILINE)
     known = {(of["region"], of["kind"]): of["difference"] for of in document["entries"]}
@@ -131,7 +134,7 @@ def test_why_not(ends, motion, via):
     except NoPlanError:
         return
     signs, document = check_depths(answer), answer.to_dict()
-    costs = document["costs"] > 1e-9 * abs(document["best"]["value"])
+    costs = worth(document["best"], document["by"]) == "worth more"
     assert (f"Going by {via} costs something: it is" in signs) == costs
     assert (f"So going by {via} costs nothing." in signs) == (not costs)
     if document["contrast"] is None:
@@ -151,12 +154,14 @@ def test_what_if_a_doorway_closes(ends, motion, door, chance):
     if after is None:
         assert "no way leads from" in signs
         return
-    assert f", {worth(after['value'], before['value'])}" in signs.splitlines()[1]
+    assert f", {worth(after, before)}" in signs.splitlines()[1]
     if document["trying"] is None:
         return
-    values = document["trying"]["values"]
+    gamma, ways = Fraction(document["gamma"]), answer.trying.break_even
+    worths = [of.terms().items() for of in (ways.open, ways.closed, ways.round)]
+    seen, unseen, around = (sum(share * gamma**power for power, share in terms) for terms in worths)
     words = {-1: "less", 0: "as much", 1: "more"}
-    seen, unseen = (words[less_or_more(values[of] - values["round"], values["round"])] for of in ("open", "closed"))
+    seen, unseen = (words[(of > around) - (of < around)] for of in (seen, unseen))
     assert f"going there is worth {seen} if it is open, {unseen} if it is not" in signs
     if document["trying"]["contrast"] is not None:
         check_verdicts(signs.splitlines()[-1], document["trying"]["contrast"], "trying", "going round")
@@ -200,7 +205,7 @@ def test_which_matters(ends, motion):
         if loss["loss"] is None:
             assert line.endswith("every way to the goal passes it")
             continue
-        felt = less_or_more(loss["loss"], document["value"])
+        felt = (loss["loss"] > 0) - (loss["loss"] < 0)
         assert {-1: "something is gained", 0: "nothing is lost", 1: "something is lost"}[felt] in line
         assert ("not longer" in line) == (loss["longer_steps"] == 0)
     told = [line.split(":")[0] for line in signs.splitlines()[1:-1]]
@@ -256,7 +261,7 @@ def test_reconcile(monkeypatch, between, most_solved):
     model = model_of(((2, 2), (2, 24)), {"gamma": 0.95})
     answer = qualrl.questions.reconcile(model, ["room B", between, "room C"])
     signs, document = check_depths(answer), answer.to_dict()
-    assert f", {worth(document['own']['value'], document['best']['value'])}; it is" in signs
+    assert f", {worth(document['own'], document['best'])}; it is" in signs
     assert ("undecided" in signs) == (document["closed"] != [] and not document["smallest"])
 
 
@@ -375,5 +380,5 @@ def test_how_sure_takes_a_depth(here):
 
 
 def test_a_changed_setting_is_told_by_its_name(here):
-    asked = "what-if", "loop.scenario.yaml", "--set", "motion.slip=0.2", "--slip", "0.1", "--depth", "signs"
-    assert "\nWith motion.slip changed, motion.slip changed: " in qualrl_command(*asked, cwd=here)[0]
+    asked = "what-if", "loop.scenario.yaml", "--set", "learn.gamma=0.9", "--slip", "0.1", "--depth", "signs"
+    assert "\nWith learn.gamma changed, motion.slip changed: " in qualrl_command(*asked, cwd=here)[0]

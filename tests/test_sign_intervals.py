@@ -10,6 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from qualrl.errors import SettingError
+from qualrl.qualitative.plan_value import told_apart
 from qualrl.qualitative.sign_intervals import sign_intervals
 from tests.certificates import check_signs, sign
 
@@ -144,3 +145,10 @@ def test_zeros_too_close_to_be_told_apart_are_not_said_to_be_there():
 def test_exponents_out_of_range_are_refused(terms):
     with pytest.raises(SettingError, match="exponents must be from 0"):
         sign_intervals(terms)
+
+
+def test_numbers_of_verdicts_are_told_apart():
+    assert told_apart([Fraction(1, 3), Fraction(2, 3)]) == ["0.333333", "0.666667"]
+    assert told_apart([0.99999998]) == ["0.99999998"]
+    assert told_apart([0.5, 0.5 + 1e-8]) == ["0.5", "0.50000001"]
+    assert told_apart([1 - Fraction(1, 10**30)]) == ["1 - 1e-30"]

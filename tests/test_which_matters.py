@@ -108,7 +108,7 @@ def test_the_answer_says_what_its_fields_hold(tmp_path):
     document = json.loads(qualrl_command("which-matters", "loop.scenario.yaml", "--json", cwd=tmp_path)[0])
     sentences = document["sentences"]
     assert qualrl_command("which-matters", "loop.scenario.yaml", cwd=tmp_path)[0].splitlines() == sentences
-    assert sentences[0].endswith(f"worth {document['value']:.6g}:")
+    assert sentences[0].endswith(f"worth {document['value']:.6g} at gamma {document['gamma']:g}:")
     for loss, line in zip(document["losses"], sentences[1:-1], strict=True):
         if loss["loss"] is None:
             assert line == f"{loss['name']}: every way to the goal passes it"

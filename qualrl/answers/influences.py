@@ -19,7 +19,7 @@ from qualrl.answers.ways import Way, course, way_of
 from qualrl.errors import SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.planner import exact_walk
-from qualrl.qualitative.plan_value import Course, Stretch, contrast
+from qualrl.qualitative.plan_value import Course, Stretch, contrast, told_apart
 from qualrl.qualitative.sign_intervals import SignIntervals, sign_intervals
 from qualrl.qualitative.signs import Sign, one_after_the_other, sign_of_sum
 from qualrl.solving.exact import exact_values
@@ -35,6 +35,8 @@ class Influence:
     because: str
     exact: SignIntervals | None
     """Where the sign is + and where -; None where signs alone tell, or moves slip."""
+    polynomial: str = ""
+    """Whose signs those are, up to a positive factor."""
 
     def in_words(self, depth: Depth) -> str:
         """As a line of the answer."""
@@ -49,6 +51,7 @@ class Influence:
         exact = None
         if self.exact is not None:
             exact = {
+                "polynomial": self.polynomial,
                 "signs": [str(Sign.of(sign)) for sign in self.exact.signs],
                 "between": [float(low) for low, _ in self.exact.brackets],
                 "decided": all(self.exact.is_zero),
@@ -58,7 +61,7 @@ class Influence:
 
 
 def _spans(found: SignIntervals, depth: Depth) -> str:
-    cuts = [0.0, *(float(low) for low, _ in found.brackets), 1.0]
+    cuts = ["0", *told_apart([low for low, _ in found.brackets]), "1"]
     signs = [Sign.of(sign) for sign in found.signs]
     last = "proved" if all(found.is_zero) else "proved but where two intervals meet"
     if depth != Depth.NUMBERS:
@@ -66,10 +69,7 @@ def _spans(found: SignIntervals, depth: Depth) -> str:
         return f"exactly: {one_after_the_other(words, 'gamma')}, {last}"
     if len(signs) == 1:
         return f"exactly: {signs[0]} for every gamma in (0, 1), proved"
-    spans = [
-        f"{sign} for gamma in ({low:.6g}, {high:.6g})"
-        for sign, low, high in zip(signs, cuts[:-1], cuts[1:], strict=True)
-    ]
+    spans = [f"{sign} for gamma in ({low}, {high})" for sign, low, high in zip(signs, cuts[:-1], cuts[1:], strict=True)]
     return f"exactly: {', '.join(spans)}, {last}"
 
 
@@ -79,12 +79,16 @@ class Influences(Answer):
 
     start: str
     goal: str
+    gamma: float
     way: Way
+    formula: str | None
+    """The value of the way, in gamma; None where moves slip."""
     influences: tuple[Influence, ...]
 
     def lines(self, depth: Depth) -> Iterator[str]:
         """See Answer."""
-        yield f"From {self.start} to {self.goal}: {self.way.with_worth(depth)}."
+        at = depth.at_numbers(f" at gamma {self.gamma:g}")
+        yield f"From {self.start} to {self.goal}{at}: {self.way.with_worth(depth)}."
         if depth != Depth.NAMES:
             yield "How its value changes when one thing grows and the way stays:"
             yield from (influence.in_words(depth) for influence in self.influences)
@@ -92,7 +96,8 @@ class Influences(Answer):
     def facts(self) -> dict[str, Any]:
         """See Answer."""
         return {
-            "question": "signs", "from": self.start, "to": self.goal, "way": self.way.to_dict(),
+            "question": "signs", "from": self.start, "to": self.goal, "gamma": self.gamma,
+            "way": self.way.to_dict(), "formula": self.formula,
             "influences": [influence.to_dict() for influence in self.influences],
         }  # fmt: skip
 
@@ -108,7 +113,7 @@ def influences(model: HybridMDP, start: int, names: tuple[str, str]) -> Influenc
         raise SettingError("start and goal are the same, so there is no way whose value could change")
     exact = exact_values(model.world)
     walk = exact_walk(model, exact, start)
-    way = way_of(model, [walk], float(exact.value[start]))
+    way = way_of(model, [walk], exact.shifted[start], exact.shift)
     slips = model.grid.slip > 0
     found = [
         Influence("the goal's reward", Sign.PLUS, "it is paid, discounted", None),
@@ -122,7 +127,8 @@ def influences(model: HybridMDP, start: int, names: tuple[str, str]) -> Influenc
     found += _of_lengths(course(model, walk), slips)
     found += () if slips else _of_doors(model, walk, way)
     found.append(_of_gamma(course(model, walk), slips))
-    return Influences(*names, way, tuple(found))
+    formula = None if slips else str(course(model, walk).formula())
+    return Influences(*names, model.gamma, way, formula, tuple(found))
 
 
 def _of_lengths(of: Course, slips: bool) -> Iterator[Influence]:
@@ -139,7 +145,11 @@ def _of_lengths(of: Course, slips: bool) -> Iterator[Influence]:
         is_open = by_signs == Sign.UNKNOWN and not slips
         because = f"its reward {signs[0]}, what is ahead put off {signs[1]}"
         yield Influence(
-            f"a step more in {stretch.place}", by_signs, because, contrast(longer, of).signs if is_open else None
+            f"a step more in {stretch.place}",
+            by_signs,
+            because,
+            contrast(longer, of).signs if is_open else None,
+            "(1 - gamma) * (V with that step - V)",
         )
 
 
@@ -154,7 +164,8 @@ def _of_doors(model: HybridMDP, walk: Sequence[int], way: Way) -> Iterator[Influ
         tried = trying(model, after, walk, exact_walk(after, exact, walk[0]), exact, None)
         if tried is not None:  # else a diagonal step passes it by
             because = "on through it +, back and round -"
-            yield Influence(of, Sign.UNKNOWN, because, tried.break_even.grows.signs)
+            grows = tried.break_even.grows.signs
+            yield Influence(of, Sign.UNKNOWN, because, grows, "(1 - gamma) * (V if it is open - V if it is closed)")
 
 
 def _of_gamma(of: Course, slips: bool) -> Influence:
@@ -163,7 +174,7 @@ def _of_gamma(of: Course, slips: bool) -> Influence:
     by_signs = sign_of_sum(signs)
     because = f"later rewards {', '.join(dict.fromkeys(signs)) or 'none'}"
     exact = sign_intervals(_whole(_slope(of))) if by_signs == Sign.UNKNOWN and not slips else None
-    return Influence("gamma", by_signs, because, exact)
+    return Influence("gamma", by_signs, because, exact, "(1 - gamma)**2 * dV/dgamma")
 
 
 def _slope(of: Course) -> dict[int, Fraction]:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from qualrl.answers.answer import ALIKE, Answer
+from qualrl.answers.answer import Answer
 from qualrl.answers.changed_model import Change, with_opened
 from qualrl.answers.depth import Depth
 from qualrl.answers.ways import Way, longer, way_of
@@ -40,9 +40,10 @@ class Reconciled(Answer):
 
     start: str
     goal: str
+    gamma: float
     expected: tuple[str, ...]
-    best: Way
-    """As things are."""
+    best: Way | None
+    """As things are; None where no way leads to the goal."""
     own: Way
     """The best way along the expected places, walls opened where it needs that."""
     opened: tuple[Change, ...]
@@ -57,8 +58,11 @@ class Reconciled(Answer):
         """See Answer."""
         changes = [change.in_words(depth) for change in self.opened]
         opened = f" with {', '.join(changes)}" if changes else ""
-        beside = depth.at_signs(f", {self.own.worth_beside(self.best)}; {longer(self.own, self.best, depth)}")
-        yield f"Best from {self.start} to {self.goal}: {self.best.with_worth(depth)}."
+        beside = ""
+        if self.best is not None:
+            beside = depth.at_signs(f", {self.own.worth_beside(self.best)}; {longer(self.own, self.best, depth)}")
+        at = depth.at_numbers(f" at gamma {self.gamma:g}")
+        yield f"Best from {self.start} to {self.goal}{at}: {self._best_in_words(depth)}."
         yield f"Expected: {self.own.with_worth(depth)}{opened}{beside}."
         if self.slips and depth != Depth.NAMES:
             yield "Moves slip: a plan is told by the places that it passes if none does, and its value counts slips."
@@ -74,11 +78,15 @@ class Reconciled(Answer):
             undecided = depth.from_signs("; whether a smaller set would do is undecided")
             yield f"None of these closings can be left out{undecided}."
 
+    def _best_in_words(self, depth: Depth) -> str:
+        return "no way leads there" if self.best is None else self.best.with_worth(depth)
+
     def facts(self) -> dict[str, Any]:
         """See Answer."""
         return {
-            "question": "reconcile", "from": self.start, "to": self.goal, "expected": list(self.expected),
-            "best": self.best.to_dict(), "own": self.own.to_dict(), "opened": [change.words for change in self.opened],
+            "question": "reconcile", "from": self.start, "to": self.goal, "gamma": self.gamma,
+            "expected": list(self.expected), "best": None if self.best is None else self.best.to_dict(),
+            "own": self.own.to_dict(), "opened": [change.words for change in self.opened],
             "closed": list(self.closed), "slips": self.slips, "smallest": self.is_smallest,
         }  # fmt: skip
 
@@ -90,8 +98,7 @@ def reconcile(model: HybridMDP, start: int, names: tuple[str, str], expected: Se
     and NoPlanError where no wall can be opened.
     """
     _check(model, start, expected)
-    model.check_reachable(start)
-    best = _best(model, start)
+    best = _best(model, start) if model.can_reach[start] else None
     opened, changed, at = list[Change](), model, start
     for pair in pairwise(expected):
         if not _doors_between(changed, [pair]):
@@ -106,7 +113,9 @@ def reconcile(model: HybridMDP, start: int, names: tuple[str, str], expected: Se
         )
     closed, is_smallest = search.closings()
     slips = model.grid.slip > 0
-    return Reconciled(*names, tuple(expected), best, own, tuple(opened), tuple(sorted(closed)), slips, is_smallest)
+    return Reconciled(
+        *names, model.gamma, tuple(expected), best, own, tuple(opened), tuple(sorted(closed)), slips, is_smallest
+    )
 
 
 def _check(model: HybridMDP, start: int, expected: Sequence[str]) -> None:
@@ -123,7 +132,7 @@ def _check(model: HybridMDP, start: int, expected: Sequence[str]) -> None:
 
 def _best(model: HybridMDP, start: int) -> Way:
     exact = exact_values(model.world)
-    return way_of(model, [exact_walk(model, exact, start)], float(exact.value[start]))
+    return way_of(model, [exact_walk(model, exact, start)], exact.shifted[start], exact.shift)
 
 
 def _doors_between(model: HybridMDP, pairs: Iterable[tuple[str, str]]) -> Doors:
@@ -176,7 +185,7 @@ class _Search:
         own = self.own(closed)
         if own is None or best is None:
             return False
-        return best.places == self.expected or own.value >= best.value - ALIKE * abs(best.value)
+        return best.places == self.expected or own.worth.beside(best.worth) >= 0
 
     def closings(self) -> tuple[Doors, bool]:
         """A set of doorways whose closing makes the expected plan best, and whether it is known to be smallest."""

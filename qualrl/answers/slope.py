@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from qualrl.errors import NoPlanError
 from qualrl.kernels.bellman import grid_backup
 from qualrl.models.grid_world import GridWorld
+from qualrl.planning.planner import why_alike
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,5 +47,5 @@ class Slope:
             last = last if good[last] else int(good.argmax())
             walk.append(int(self.successor[walk[-1], last]))
             if len(walk) > len(self.world):
-                raise NoPlanError(f"gamma {self.world.gamma} fades to nothing on the way; choose gamma nearer to 1")
+                raise NoPlanError(f"moves are too much alike on the way: {why_alike(self.world.gamma)}")
         return walk

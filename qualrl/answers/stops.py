@@ -27,7 +27,8 @@ class StoppingWay:
 
     parts: tuple[tuple[int, ...], ...]
     """States from the start to the first stop, from there to the next one, and so on to the goal."""
-    value: float
+    shifted: float
+    """That value, shifted as exact values are."""
 
     @property
     def walk(self) -> tuple[int, ...]:
@@ -52,7 +53,7 @@ def way_by(model: HybridMDP, exact: ExactValues, start: int, stops: Sequence[str
         parts.append(tuple(slope.walk(here, _is_in(world, stop))))
         here = parts[-1][-1]
     parts.append(tuple(exact_walk(model, exact, here)))
-    return StoppingWay(tuple(parts), float(values[0][start] - exact.shift))
+    return StoppingWay(tuple(parts), float(values[0][start]))
 
 
 def worth_by(model: HybridMDP, exact: ExactValues, start: int, stops: Sequence[str]) -> float:

@@ -26,7 +26,8 @@ class ThroughWay:
 
     parts: tuple[tuple[int, ...], ...]
     """States up to the first one beyond the doorway, and from there to the goal."""
-    value: float
+    shifted: float
+    """That value, shifted as exact values are."""
     slope: Slope
     """Of the region and just beyond the doorway, the region's other doorways shut; -inf elsewhere."""
 
@@ -42,7 +43,7 @@ def way_through(model: HybridMDP, exact: ExactValues, start: int, door: Doorway)
     slope = Slope(world, world.successor, shifted, exact.shift)
     first = slope.walk(start, model.region_of != model.region_of[start])
     rest = [first[-1]] if first[-1] == world.goal else exact_walk(model, exact, first[-1])
-    return ThroughWay((tuple(first), tuple(rest)), float(shifted[start] - exact.shift), slope)
+    return ThroughWay((tuple(first), tuple(rest)), float(shifted[start]), slope)
 
 
 def values_through(

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from qualrl.answers.answer import in_sign
 from qualrl.answers.depth import Depth
 from qualrl.answers.ways import course
 from qualrl.kernels.grid import breadth_first
@@ -21,6 +20,7 @@ from qualrl.planning.planner import exact_walk
 from qualrl.qualitative.break_even import BreakEven
 from qualrl.qualitative.plan_value import Chance, Contrast, contrast
 from qualrl.solving.exact import ExactValues
+from qualrl.spatial.region_map import Doorway
 
 STRAIGHT = 4
 """Directions of a robot that makes no diagonal moves."""
@@ -33,6 +33,8 @@ class Trying:
     """The answer for moves that do not slip."""
 
     door: str
+    is_alone: bool
+    """Whether no other doorway is closed with it, to be open or not as it is."""
     """The closed doorway that is tried: of all ways to one, that which pays at the least probability."""
     gamma: float
     break_even: BreakEven
@@ -54,6 +56,7 @@ class Trying:
         """In words."""
         going = f"Going to {self.door} to see whether it is open"
         signs = f"is one way, going round at once another{depth.at_signs(f': {self._signs()}')}"
+        going += "" if self.is_alone else " (all that are closed are, or none)"
         yield f"{going} {depth.at_numbers(self._worths(), signs)}."
         if depth == Depth.NAMES:
             return
@@ -80,10 +83,7 @@ class Trying:
 
     def _signs(self) -> str:
         """What going there is worth beside going round."""
-        worth, words = self.values, ("less", "as much", "more")
-        seen, not_seen = (
-            in_sign(worth[way] - worth["round"], worth["round"], words) for way in ("open", "closed")
-        )  # fmt: skip
+        seen, not_seen = (("less", "as much", "more")[1 + sign] for sign in self.break_even.signs_at(self.gamma))
         return f"going there is worth {seen} if it is open, {not_seen} if it is not"
 
     def to_dict(self) -> dict[str, Any]:
@@ -91,6 +91,7 @@ class Trying:
         limit = self.break_even.limit
         return {
             "door": self.door,
+            "alone": self.is_alone,
             "gamma": self.gamma,
             "values": self.values,
             "steps_if_closed": self.break_even.closed.steps,
@@ -124,7 +125,12 @@ def trying(
     opened, closed = [*there, *onward], [*there[:-1], *back]
     ways = BreakEven(course(before, opened), course(after, closed), course(after, walk_round))
     compared = None if chance is None else contrast(Chance(chance, ways.open, ways.closed), ways.round)
-    return Trying(door.name, before.gamma, ways, chance, compared)
+    return Trying(door.name, _is_alone(before, after, door), before.gamma, ways, chance, compared)
+
+
+def _is_alone(before: HybridMDP, after: HybridMDP, door: Doorway) -> bool:
+    """Whether closing a doorway alone closes all that is closed."""
+    return np.array_equal(before.with_closed([door.name]).grid.successor, after.grid.successor)
 
 
 def _cheapest_try(

@@ -7,16 +7,48 @@ from typing import Any
 
 import numpy as np
 
-from qualrl.answers.answer import WORTH, in_sign
+from qualrl.answers.answer import ALIKE, WORTH, in_sign
 from qualrl.answers.depth import Depth
+from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.crossings import door_taken
 from qualrl.planning.legs import legs_of
 from qualrl.planning.planner import length_m
 from qualrl.qualitative.plan_value import Course, course_of
 
+OFF, OFF_SLIPPING = 1e-12, 1e-9
+"""Shares by which shifted values may be off: what is summed up along a way, and what settles where moves slip."""
+SHORTEST_TOLD_M = 0.005
 LENGTHS = ("shorter", "as long", "longer")
 STEPS = ("fewer steps", "as many steps", "more steps")
+
+
+@dataclass(frozen=True)
+class Worth:
+    """A value, with the digits that it loses where the goal is far off."""
+
+    shifted: float
+    """value + shift: what it is more than to go on for ever, see ``solving.exact``."""
+    shift: float
+    off: float
+    """By how much ``shifted`` may be off."""
+
+    @property
+    def value(self) -> float:
+        """Expected discounted return."""
+        return self.shifted - self.shift
+
+    def beside(self, other: "Worth") -> float:
+        """By how much it is more than another, 0 where both may be the same."""
+        difference, off = self.shifted - other.shifted, self.off + other.off
+        if self.shift != other.shift:
+            difference, off = self.value - other.value, max(off, ALIKE * abs(other.value))
+        return difference if abs(difference) > off else 0.0
+
+
+def worth_of(world: GridWorld, shifted: float, shift: float) -> Worth:
+    """A shifted value that was solved in a world."""
+    return Worth(float(shifted), shift, (OFF_SLIPPING if world.slip else OFF) * abs(float(shifted)))
 
 
 @dataclass(frozen=True)
@@ -28,8 +60,13 @@ class Way:
     """The doorway taken between each two places."""
     steps: int
     length_m: float
-    value: float
-    """Expected discounted return at the start, slips included."""
+    worth: Worth
+    """At the start, slips included."""
+
+    @property
+    def value(self) -> float:
+        """Expected discounted return at the start."""
+        return self.worth.value
 
     def in_words(self, depth: Depth) -> str:
         """Places, length and doorways."""
@@ -44,18 +81,22 @@ class Way:
 
     def worth_beside(self, other: "Way") -> str:
         """Whether it is worth more than another, in a word."""
-        return in_sign(self.value - other.value, other.value, WORTH)
+        return WORTH[1 + int(np.sign(self.worth.beside(other.worth)))]
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON."""
         return {
             "places": list(self.places), "doors": list(self.doors), "steps": self.steps, "length_m": self.length_m,
-            "value": self.value,
+            "value": self.value, "shifted": self.worth.shifted, "shift": self.worth.shift,
+            "off": self.worth.off,
         }  # fmt: skip
 
 
-def way_of(model: HybridMDP, parts: Sequence[Sequence[int]], value: float) -> Way:
-    """A way in one or more parts; where one begins, its place is told however briefly it is visited."""
+def way_of(model: HybridMDP, parts: Sequence[Sequence[int]], shifted: float, shift: float = 0.0) -> Way:
+    """A way in one or more parts; where one begins, its place is told however briefly it is visited.
+
+    shifted: what it is worth, plus shift.
+    """
     regions, places, doors = model.regions, list[str](), list[str]()
     assert regions is not None
     for part in parts:
@@ -64,7 +105,7 @@ def way_of(model: HybridMDP, parts: Sequence[Sequence[int]], value: float) -> Wa
         doors += [door_taken(model, regions, part[leg.first - 1], part[leg.first]).name for leg in legs[1:]]
     far_m = sum(length_m(model, part) or 0.0 for part in parts)
     told = tuple(place for place, _ in groupby(places))
-    return Way(told, tuple(doors), sum(len(part) - 1 for part in parts), far_m, value)
+    return Way(told, tuple(doors), sum(len(part) - 1 for part in parts), far_m, worth_of(model.grid, shifted, shift))
 
 
 def course(model: HybridMDP, walk: Sequence[int]) -> Course:
@@ -81,6 +122,8 @@ def course(model: HybridMDP, walk: Sequence[int]) -> Course:
 def longer(way: Way, other: Way, depth: Depth) -> str:
     """How much longer a way is than another: "6 steps more and 1.50 m more", or "it is longer"."""
     steps, far_m = way.steps - other.steps, way.length_m - other.length_m
+    if depth == Depth.NUMBERS and steps == 0 and abs(far_m) < SHORTEST_TOLD_M:
+        return "just as long"
     if depth == Depth.NUMBERS:
         return f"{_more(steps, 'steps')} and {_more(far_m, 'm', 2)}"
     far = in_sign(far_m, other.length_m, LENGTHS)

@@ -11,17 +11,17 @@ from qualrl.answers.answer import Answer
 from qualrl.answers.changed_model import Change, with_numbers
 from qualrl.answers.depth import Depth
 from qualrl.answers.trying import Trying, trying
-from qualrl.answers.ways import Way, course, longer, way_of
+from qualrl.answers.ways import Way, course, longer, way_of, worth_of
 from qualrl.errors import SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.exits import ASTRAY, exits
 from qualrl.planning.planner import exact_walk
-from qualrl.qualitative.plan_value import Contrast, contrast
+from qualrl.qualitative.plan_value import Contrast, contrast, told_apart
 from qualrl.solving.exact import ExactValues, exact_values
 
 NUMBERS = ("gamma", "slip", "step_reward", "goal_reward")
 """Numbers of a world that may be changed little by little."""
-NO_WAY_LEFT = "no way"
+NO_WAY_LEFT, NO_WAY = "no way", "no way leads there"
 GAINED = 1e-9
 """Values that rise by a smaller share rise by rounding."""
 MOST_NAMED = 3
@@ -32,7 +32,7 @@ HALVINGS = 14
 
 @dataclass(frozen=True)
 class Switch:
-    """The first change of the best way that was found as a number goes from what it was to what it is to be."""
+    """A change of the best way as a number goes from what it was to what it is to be; there may be more of them."""
 
     name: str
     same: float
@@ -43,7 +43,8 @@ class Switch:
     def in_words(self, depth: Depth) -> str:
         """As a line of the answer."""
         low, high = sorted((self.same, self.other))
-        between = f"first changes between {self.name} {low:.6g} and {high:.6g}; both were solved exactly"
+        low_text, high_text = told_apart((low, high))
+        between = f"changes between {self.name} {low_text} and {high_text}, which were solved, and may change elsewhere"
         grows = depth.from_signs(f" as it {'grows' if self.other > self.same else 'falls'}")
         return f"The best way {depth.at_numbers(between, f'changes with {self.name}{grows}')}."
 
@@ -74,8 +75,11 @@ class WhatIf(Answer):
 
     start: str
     goal: str
+    gamma: float
+    """Before."""
     changes: tuple[Change, ...]
-    before: Way
+    before: Way | None
+    """None where no way leads to the goal as it is."""
     after: Way | None
     """None where no way leads to the goal any more."""
     turned: tuple[Turned, ...]
@@ -85,7 +89,8 @@ class WhatIf(Answer):
     chance: float | None
     """The probability, asked about, that closed doorways are open after all."""
     trying: Trying | None
-    """Whether to try the closed doorways when they may be open; None where the best way passes none of them."""
+    """Whether to try the closed doorways when they may be open; None where the best way passes none of them, where none
+    leads round, and where moves slip."""
     switch: Switch | None
     """None unless one number alone is changed, and the best way with it."""
     contrast: Contrast | None
@@ -94,11 +99,15 @@ class WhatIf(Answer):
     @property
     def is_same_way(self) -> bool:
         """Whether the best way leads through the same places and doorways as before."""
-        return self.after is not None and _course_of(self.before) == _course_of(self.after)
+        if self.before is None or self.after is None:
+            return False
+        return _course_of(self.before) == _course_of(self.after)
 
     def lines(self, depth: Depth) -> Iterator[str]:
         """See Answer."""
-        yield f"Now from {self.start} to {self.goal}: {self.before.with_worth(depth)}."
+        at = depth.at_numbers(f" at gamma {self.gamma:g}")
+        now = NO_WAY if self.before is None else self.before.with_worth(depth)
+        yield f"Now from {self.start} to {self.goal}{at}: {now}."
         yield f"With {', '.join(change.in_words(depth) for change in self.changes)}: {self._after_in_words(depth)}."
         yield from self._turned_in_words(depth)
         if self.trying is not None:
@@ -115,8 +124,10 @@ class WhatIf(Answer):
     def _after_in_words(self, depth: Depth) -> str:
         if self.after is None:
             return f"no way leads from {self.start} to {self.goal}"
-        difference = self.after.value - self.before.value
-        worth = f"{abs(difference):.3g} {'more' if difference >= 0 else 'less'}"
+        if self.before is None:
+            return f"{self.after.with_worth(depth)}"
+        difference = self.after.worth.beside(self.before.worth)
+        worth = f"{abs(difference):.3g} {'more' if difference > 0 else 'less'}" if difference else "exactly as much"
         worth = depth.at_numbers(worth, self.after.worth_beside(self.before))
         if not self.is_comparable:
             worth = "which is of another gamma" if depth == Depth.NUMBERS else "what it is worth is of another gamma"
@@ -139,8 +150,9 @@ class WhatIf(Answer):
         """See Answer; with the formulas and the certificates."""
         return {
             "question": "what-if", "from": self.start, "to": self.goal,
-            "changes": [change.words for change in self.changes],
-            "before": self.before.to_dict(), "after": None if self.after is None else self.after.to_dict(),
+            "gamma": self.gamma, "changes": [change.words for change in self.changes],
+            "before": None if self.before is None else self.before.to_dict(),
+            "after": None if self.after is None else self.after.to_dict(),
             "is_comparable": self.is_comparable, "chance": self.chance,
             "turned": [turned.to_dict() for turned in self.turned],
             "trying": None if self.trying is None else self.trying.to_dict(),
@@ -165,34 +177,43 @@ def _counted(counts: Sequence[tuple[str, int, int]], what: str, depth: Depth) ->
 
 def what_if(
     before: HybridMDP, after: HybridMDP, starts: tuple[int, int], names: tuple[str, str], changes: tuple[Change, ...],
-    chance: float | None = None,
+    chance: float | None = None, unclosed: HybridMDP | None = None,
 ) -> WhatIf:  # fmt: skip
     """Ask what a change does to the plan from a state, whose numbers in the two models are ``starts``.
 
     names: what to call start and goal.  chance: the probability that doorways closed in ``after``
-    are open after all.  Raises NoPlanError where no way leads to the goal before, SettingError without a change.
+    are open after all; unclosed: the model after all other changes, if doorways are closed.
+    Raises NoPlanError where no way leads to the goal before or after, SettingError without a change.
     """
     if not changes:
         raise SettingError("say what to change: a doorway to close, a wall to open, or a setting")
-    before.check_reachable(starts[0])
-    exact = exact_values(before.world)
-    walk = exact_walk(before, exact, starts[0])
-    way = way_of(before, [walk], float(exact.value[starts[0]]))
-    exact_after = exact_values(after.world)
-    turned = _turned(before, after, exact, exact_after)
     if not after.can_reach[starts[1]]:
-        return WhatIf(*names, changes, way, None, turned, before.gamma == after.gamma, chance, None, None, None)
-    walk_after = exact_walk(after, exact_after, starts[1])
-    way_after = way_of(after, [walk_after], float(exact_after.value[starts[1]]))
-    number = next((name for name in NUMBERS if before.grid.differs_in(after.grid) == {name}), None)
-    compared = None
-    if number == "gamma" and before.grid.slip == 0 and _course_of(way) != _course_of(way_after):
-        compared = contrast(course(before, walk), course(after, walk_after))
+        before.check_reachable(starts[0])
+    exact, exact_after = exact_values(before.world), exact_values(after.world)
+    turned, is_comparable = _turned(before, after, exact, exact_after), before.gamma == after.gamma
+    walk, way = _walked(before, exact, starts[0])
+    walk_after, way_after = _walked(after, exact_after, starts[1])
+    tried = compared = switch = None
+    if way is not None and way_after is not None:
+        number = next((name for name in NUMBERS if before.grid.differs_in(after.grid) == {name}), None)
+        if number == "gamma" and before.grid.slip == 0 and _course_of(way) != _course_of(way_after):
+            compared = contrast(course(before, walk), course(after, walk_after))
+        switch = None if number is None else _switch(before, walk, number, getattr(after.grid, number), way)
+        if unclosed is not None:
+            open_exact = exact if unclosed is before else exact_values(unclosed.world)
+            open_walk = walk if unclosed is before else exact_walk(unclosed, open_exact, starts[1])
+            tried = trying(unclosed, after, open_walk, walk_after, exact_after, chance, open_exact)
     return WhatIf(
-        *names, changes, way, way_after, turned, before.gamma == after.gamma, chance,
-        trying(before, after, walk, walk_after, exact_after, chance, exact),
-        None if number is None else _switch(before, starts[0], number, getattr(after.grid, number), way), compared,
+        *names, before.gamma, changes, way, way_after, turned, is_comparable, chance, tried, switch, compared
     )  # fmt: skip
+
+
+def _walked(model: HybridMDP, exact: ExactValues, start: int) -> tuple[list[int], Way | None]:
+    """The best way from a state; None where none leads to the goal."""
+    if not model.can_reach[start]:
+        return [], None
+    walk = exact_walk(model, exact, start)
+    return walk, way_of(model, [walk], exact.shifted[start], exact.shift)
 
 
 def _turned(before: HybridMDP, after: HybridMDP, exact: ExactValues, exact_after: ExactValues) -> tuple[Turned, ...]:
@@ -226,13 +247,17 @@ def _exit_names(model: HybridMDP, exact: ExactValues) -> NDArray[np.str_]:
     return np.array(names)[exits(model, model.regions, exact) - ASTRAY]
 
 
-def _switch(model: HybridMDP, start: int, name: str, to: float, way: Way) -> Switch | None:
+def _switch(model: HybridMDP, walk: Sequence[int], name: str, to: float, way: Way) -> Switch | None:
     """Halve the interval between a number and another one, at whose end the best way is another, again and again."""
 
     def is_same(number: float) -> bool:
+        """Whether the way is as good as any: where moves slip, whether it is the one that is taken."""
         changed = with_numbers(model, **{name: number})
         exact = exact_values(changed.world)
-        return _course_of(way_of(changed, [exact_walk(changed, exact, start)], 0.0)) == _course_of(way)
+        if changed.grid.slip == 0:
+            worth = worth_of(changed.grid, _worth_along(changed, walk, exact.shift), exact.shift)
+            return worth.beside(worth_of(changed.grid, exact.shifted[walk[0]], exact.shift)) >= 0
+        return _course_of(way_of(changed, [exact_walk(changed, exact, walk[0])], 0.0)) == _course_of(way)
 
     if is_same(to):
         return None
@@ -241,6 +266,17 @@ def _switch(model: HybridMDP, start: int, name: str, to: float, way: Way) -> Swi
         middle = (same + other) / 2
         same, other = (middle, other) if is_same(middle) else (same, middle)
     return Switch(name, same, other)
+
+
+def _worth_along(model: HybridMDP, walk: Sequence[int], shift: float) -> float:
+    """What a walk is worth, shifted: from its end, so that the digits stay."""
+    rewards = [stretch.reward for stretch in course(model, walk).stretches for _ in range(stretch.steps)]
+    if not rewards:
+        return shift
+    worth = rewards.pop() + shift
+    for reward in reversed(rewards):
+        worth = reward + shift * (1 - model.gamma) + model.gamma * worth
+    return worth
 
 
 def _course_of(way: Way) -> tuple[tuple[str, ...], tuple[str, ...]]:

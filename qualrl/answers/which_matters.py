@@ -7,9 +7,11 @@ from itertools import pairwise
 from typing import Any
 
 import networkx as nx
+import numpy as np
 
-from qualrl.answers.answer import ALIKE, Answer, in_sign
+from qualrl.answers.answer import Answer
 from qualrl.answers.depth import Depth
+from qualrl.answers.ways import Worth, worth_of
 from qualrl.errors import SettingError
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
@@ -31,8 +33,8 @@ class Loss:
     longer_steps: int | None
     """By how many moves the shortest way is longer then."""
 
-    def in_words(self, value: float, depth: Depth) -> str:
-        """As a line of the answer.  value: at the start, everything open."""
+    def in_words(self, depth: Depth) -> str:
+        """As a line of the answer."""
         if self.loss is None or self.longer_steps is None:
             return f"{self.name}: every way to the goal passes it"
         if depth == Depth.NAMES:
@@ -40,7 +42,7 @@ class Loss:
         longer = f"{depth.at_numbers(f'{self.longer_steps} steps ')}longer" if self.longer_steps else "not longer"
         if depth == Depth.NUMBERS:
             return f"{self.name}: {self.loss:.3g} is lost without it; the shortest way is {longer} then"
-        felt = in_sign(self.loss, value, ("something is gained", "nothing is lost", "something is lost"))
+        felt = ("something is gained", "nothing is lost", "something is lost")[1 + int(np.sign(self.loss))]
         return f"{self.name}: without it another way is left, {felt}, and the shortest way is {longer} then"
 
     def to_dict(self) -> dict[str, Any]:
@@ -54,6 +56,7 @@ class WhichMatters(Answer):
 
     start: str
     goal: str
+    gamma: float
     value: float
     """At the start, everything open."""
     losses: tuple[Loss, ...]
@@ -66,10 +69,11 @@ class WhichMatters(Answer):
     def lines(self, depth: Depth) -> Iterator[str]:
         """See Answer."""
         first = depth.at_signs(", what matters most first") if len(self.losses) > 1 else ""
-        yield f"From {self.start} to {self.goal}{depth.at_numbers(f', worth {self.value:.6g}', first)}:"
+        worth = depth.at_numbers(f", worth {self.value:.6g} at gamma {self.gamma:g}", first)
+        yield f"From {self.start} to {self.goal}{worth}:"
         if not self.losses:
             yield "no single doorway or region matters"
-        yield from (loss.in_words(self.value, depth) for loss in self.losses)
+        yield from (loss.in_words(depth) for loss in self.losses)
         if not self.cut:
             yield "Start and goal are in the same region, so no doorway parts them."
         elif depth == Depth.NUMBERS:
@@ -81,7 +85,7 @@ class WhichMatters(Answer):
     def facts(self) -> dict[str, Any]:
         """See Answer."""
         return {
-            "question": "which-matters", "from": self.start, "to": self.goal, "value": self.value,
+            "question": "which-matters", "from": self.start, "to": self.goal, "gamma": self.gamma, "value": self.value,
             "losses": [loss.to_dict() for loss in self.losses], "cut": list(self.cut),
         }  # fmt: skip
 
@@ -96,7 +100,7 @@ def which_matters(model: HybridMDP, start: int, names: tuple[str, str]) -> Which
         raise SettingError("a model without a map has no doorways")
     model.check_reachable(start)
     exact = exact_values(model.world)
-    value, steps = float(exact.value[start]), int(model.grid.steps_to_goal[start])
+    now = worth_of(model.grid, exact.shifted[start], exact.shift)
     doors = model.regions.doorways
     if model.grid.slip == 0:
         doors = _passed(model, model.regions, exact_walk(model, exact, start))
@@ -106,12 +110,13 @@ def which_matters(model: HybridMDP, start: int, names: tuple[str, str]) -> Which
     for region in regions:
         its_doors = [door for door in model.regions.doorways if region in door.pair]
         closings.append((model.region_names[region], "region", its_doors))
-    losses = [_loss(model, model.regions, start, (value, steps), *closing) for closing in closings]
-    felt = [loss for loss in losses if loss.loss is None or loss.longer_steps or loss.loss > ALIKE * abs(value)]
+    losses = [_loss(model, model.regions, start, now, *closing) for closing in closings]
+    felt = [loss for loss in losses if loss.loss is None or loss.longer_steps or loss.loss > 0]
     felt.sort(key=lambda loss: (loss.loss is not None, -(loss.loss or 0.0), loss.kind, loss.name))
     return WhichMatters(
         *names,
-        value,
+        model.gamma,
+        now.value,
         tuple(felt),
         _fewest(model.regions, *(int(model.region_of[at]) for at in (start, model.grid.goal))),
     )
@@ -130,15 +135,16 @@ def _passed(model: HybridMDP, regions: RegionMap, walk: Sequence[int]) -> tuple[
 
 
 def _loss(
-    model: HybridMDP, regions: RegionMap, start: int, now: tuple[float, int], name: str, kind: str,
+    model: HybridMDP, regions: RegionMap, start: int, now: Worth, name: str, kind: str,
     doors: Sequence[Doorway],
 ) -> Loss:  # fmt: skip
     walls = [wall for door in doors for wall in crossings_of(regions, door)]
     world: GridWorld = replace(model.grid, closed=(*model.grid.closed, *walls))
     if world.steps_to_goal[start] < 0:
         return Loss(name, kind, None, None)
-    left = float(exact_values(world).value[start])
-    return Loss(name, kind, now[0] - left, int(world.steps_to_goal[start]) - now[1])
+    left = exact_values(world)
+    longer = int(world.steps_to_goal[start]) - int(model.grid.steps_to_goal[start])
+    return Loss(name, kind, now.beside(worth_of(world, left.shifted[start], left.shift)), longer)
 
 
 def _fewest(regions: RegionMap, start: int, goal: int) -> tuple[str, ...]:

@@ -75,21 +75,28 @@ class Why(Answer):
     over_gamma: OverGamma | None = None
     """Of leaving by the one doorway or the other, for a range of gammas where moves slip; None unless asked for."""
 
+    @property
+    def margin(self) -> float:
+        """By how much the best way is worth more than the other; 0 without one."""
+        return 0.0 if self.other is None else self.best.worth.beside(self.other.worth)
+
     def lines(self, depth: Depth) -> Iterator[str]:
         """See Answer."""
         cell = depth.at_numbers(f", at row {self.cell[0]}, column {self.cell[1]}")
         yield f"In {self.at}{cell}, the plan for {self.goal} is to {self.action}: {self.best.with_worth(depth)}."
         if self.other is None:
-            yield "No other doorway leads on from there, so there is nothing to choose."
+            here = "The goal is in it" if not self.best.doors else "No other doorway leads on from there"
+            yield f"{here}, so there is nothing to choose."
             return
-        margin = self.best.value - self.other.value
-        far = margin > ALIKE * abs(self.best.value)
-        less = depth.at_numbers(f"{margin:.3g} less" if far else "exactly as much", self.other.worth_beside(self.best))
+        margin = self.margin
+        less = depth.at_numbers(
+            f"{margin:.3g} less" if margin else "exactly as much", self.other.worth_beside(self.best)
+        )
         less = depth.from_signs(f", {less}") + depth.at_signs(f"; {longer(self.other, self.best, depth)}")
         yield f"Next best is to {self.other_action}: {self.other.with_worth(depth)}{less}."
         if depth == Depth.NAMES:
             return
-        if far:
+        if abs(margin) > ALIKE * abs(self.best.value):
             yield from self._made_up_of(margin, depth)
         if self.contrast is not None:
             words = self.contrast.in_words("the plan", "the next best", depth == Depth.NUMBERS)
@@ -115,7 +122,7 @@ class Why(Answer):
         return {
             "question": "why", "at": self.at, "cell": list(self.cell), "to": self.goal, "gamma": self.gamma,
             "action": self.action, "best": self.best.to_dict(), "other_action": self.other_action,
-            "other": None if self.other is None else self.other.to_dict(),
+            "other": None if self.other is None else self.other.to_dict(), "margin": self.margin,
             "entries": [
                 {"region": of.region, "kind": of.kind, "best": of.best, "other": of.other, "difference": of.difference}
                 for of in self.entries
@@ -144,7 +151,7 @@ def why(model: HybridMDP, start: int, goal: str, at: str | None, gammas: Span | 
     if at is not None:
         walk = _from(model, exact, walk, at)
     place, cell = model.region_names[int(model.region_of[walk[0]])], model.cell_of(walk[0])
-    best = way_of(model, [walk], float(exact.value[walk[0]]))
+    best = way_of(model, [walk], exact.shifted[walk[0]], exact.shift)
     legs = legs_of(model, walk)
     if len(legs) < 2:
         return Why(place, cell, goal, model.gamma, "walk to the goal", best, None, None, (), None)
@@ -156,7 +163,7 @@ def why(model: HybridMDP, start: int, goal: str, at: str | None, gammas: Span | 
     if not others:
         return Why(place, cell, goal, model.gamma, action, best, None, None, (), None)
     through = way_through(model, exact, walk[0], others[0].door)
-    other = way_of(model, through.parts, through.value)
+    other = way_of(model, through.parts, through.shifted, exact.shift)
     slips = model.grid.slip > 0
     accounts = _expected(model, exact, walk[0], through) if slips else _walked(model, walk, through)
     return Why(

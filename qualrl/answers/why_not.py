@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from qualrl.answers.answer import ALIKE, Answer
+from qualrl.answers.answer import Answer
 from qualrl.answers.depth import Depth
 from qualrl.answers.over_gamma import UNDECIDED, OverGamma, Span, over_gamma
 from qualrl.answers.stops import way_by, worth_by
@@ -34,7 +34,12 @@ class WhyNot(Answer):
     @property
     def is_by_itself(self) -> bool:
         """Whether the best way is as good as one by the stops, or is one."""
-        return self.best.value - self.by.value <= ALIKE * abs(self.best.value)
+        return self.costs <= 0
+
+    @property
+    def costs(self) -> float:
+        """By how much the best way is worth more."""
+        return self.best.worth.beside(self.by.worth)
 
     def lines(self, depth: Depth) -> Iterator[str]:
         """See Answer."""
@@ -47,7 +52,7 @@ class WhyNot(Answer):
         if self.is_by_itself:
             yield f"So going by {stops} costs nothing{at}."
         else:
-            cost = depth.at_numbers(f"{self.best.value - self.by.value:.3g}", "something")
+            cost = depth.at_numbers(f"{self.costs:.3g}", "something")
             yield f"Going by {stops} costs {cost}{at}: {longer(self.by, self.best, depth)}."
         if self.contrast is not None:
             words = self.contrast.in_words("the best way", f"the way by {stops}", depth == Depth.NUMBERS)
@@ -62,7 +67,7 @@ class WhyNot(Answer):
         """See Answer; with the formulas and the certificate."""
         return {
             "question": "why-not", "from": self.start, "to": self.goal, "via": list(self.stops), "gamma": self.gamma,
-            "best": self.best.to_dict(), "by": self.by.to_dict(), "costs": self.best.value - self.by.value,
+            "best": self.best.to_dict(), "by": self.by.to_dict(), "costs": self.costs,
             "contrast": None if self.contrast is None else self.contrast.to_dict("best", "by"),
             "over_gamma": None if self.over_gamma is None else self.over_gamma.to_dict("best", "by"),
         }  # fmt: skip
@@ -90,6 +95,6 @@ def why_not(
     if gammas is not None:
         ranged = over_gamma(model, gammas, lambda at, of: (float(of.shifted[start]), worth_by(at, of, start, stops)))
     return WhyNot(
-        names[0], names[1], tuple(stops), model.gamma, way_of(model, [best], float(exact.value[start])),
-        way_of(model, by.parts, by.value), compared, ranged,
+        names[0], names[1], tuple(stops), model.gamma, way_of(model, [best], exact.shifted[start], exact.shift),
+        way_of(model, by.parts, by.shifted, exact.shift), compared, ranged,
     )  # fmt: skip

@@ -37,11 +37,14 @@ def what_if(
     from qualrl import questions
     from qualrl.answers.changed_model import set_to
     from qualrl.commands.inputs import scenario_of
+    from qualrl.errors import ScenarioError
 
     console = Console(as_json, quiet)
     scenario, asked = scenario_of(source), list(settings or [])
     option = f"motion.slip={slip}"
     if slip is not None:
+        if any(setting.partition("=")[0].strip() == "motion.slip" for setting in asked):
+            raise ScenarioError(f"--slip {slip:g}: --set gives motion.slip, too; give it once")
         asked.append(option)
     changed = scenario.with_settings(asked, {option: "--slip"}) if asked else scenario
     with console.stage(PARSING):

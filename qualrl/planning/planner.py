@@ -21,6 +21,9 @@ from qualrl.solving.policy import ActionValues, greedy_walk
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.region_map import CENTRE, Doorway, RegionMap
 
+TOO_NEAR = 1e-9
+"""Nearer to 1 a gamma leaves no digits for a step."""
+
 
 def plan_exactly(
     model: HybridMDP, start: int, names: tuple[str, str], *, exact: ExactValues | None = None,
@@ -44,10 +47,17 @@ def exact_walk(model: HybridMDP, solved: ExactValues, start: int) -> list[int]:
         walk, arrived = greedy_walk(model.world, _values_ahead(model.world, solved), start, crossings)
     if not arrived:
         raise NoPlanError(
-            f"gamma {model.gamma} fades to nothing on the way from {model.describe(start)} to the goal, so float64 "
-            "cannot tell one move from another; choose gamma nearer to 1"
+            f"on the way from {model.describe(start)} to the goal float64 cannot tell one move from another: "
+            f"{why_alike(model.gamma)}"
         )
     return walk
+
+
+def why_alike(gamma: float) -> str:
+    """Why moves are too much alike at a gamma, and what to do about it."""
+    if 1 - gamma < TOO_NEAR:
+        return f"at gamma {gamma} a step costs too little of all there is to lose; choose gamma farther from 1"
+    return f"gamma {gamma} fades to nothing; choose gamma nearer to 1"
 
 
 def climb_values(world: GridWorld, solved: ExactValues) -> NDArray[np.float64]:

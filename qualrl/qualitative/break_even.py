@@ -33,6 +33,11 @@ class BreakEven:
         above, below = (_at(terms, gamma) for terms in self._terms)
         return None if below == 0 else float(above / below)
 
+    def signs_at(self, gamma: float) -> tuple[int, int]:
+        """Whether an open door is worth more (1), as much (0) or less (-1) than going round; and a closed one."""
+        above, below = (_at(terms, gamma) for terms in self._terms)
+        return _sign(below - above), _sign(-above)
+
     @property
     def limit(self) -> Fraction | None:
         """p* as gamma tends to 1; None where it has no limit, or an open door gains nothing."""
@@ -63,6 +68,10 @@ def _at(terms: dict[int, Fraction], gamma: float) -> Decimal:
     with localcontext(prec=DIGITS):
         powers = ((Decimal(of.numerator) / of.denominator, Decimal(gamma) ** k) for k, of in terms.items())
         return sum((of * power for of, power in powers), Decimal(0))
+
+
+def _sign(of: Decimal) -> int:
+    return (of > 0) - (of < 0)
 
 
 def _derivative(terms: dict[int, Fraction]) -> dict[int, Fraction]:

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     import sympy
 
 
+DIGITS = (6, 9, 12, 15)
+HALF = 0.5
+
+
 class Worth(Protocol):
     """What has a value as a formula in gamma: a way, or several of which chance picks one."""
 
@@ -165,7 +169,11 @@ class Contrast:
         called = {1: first, -1: second}
         if len(verdicts) == 1:
             return f"{every} {called[verdicts[0].sign]} is worth more: proved"
-        spans = ", ".join(f"{called[of.sign]} for gamma in ({of.low:.6g}, {of.high:.6g})" for of in verdicts)
+        cuts = ["0", *told_apart([low for low, _ in self.signs.brackets]), "1"]
+        spans = ", ".join(
+            f"{called[of.sign]} for gamma in ({low}, {high})"
+            for of, low, high in zip(verdicts, cuts[:-1], cuts[1:], strict=True)
+        )
         if not has_numbers:
             spans = one_after_the_other([called[of.sign] for of in verdicts], "gamma")
         last = "proved" if self.is_decided else "proved but where two intervals meet, which is undecided"
@@ -181,6 +189,15 @@ class Contrast:
             "scale": str(self.scale),
             "certificate": self.signs.certificate(),
         }
+
+
+def told_apart(numbers: Sequence[float | Fraction]) -> list[str]:
+    """Numbers between 0 and 1, in order, with as many digits as tell them apart, and from 0 and 1; six at least."""
+    for digits in DIGITS:
+        texts = [f"{float(number):.{digits}g}" for number in numbers]
+        if len({"0", *texts, "1"}) == len(texts) + 2:
+            return texts
+    return [f"1 - {float(1 - of):.6g}" if of > HALF else f"{float(of):.15g}" for of in numbers]
 
 
 def contrast(first: Worth, second: Worth) -> Contrast:
