@@ -42,6 +42,7 @@ from numpy.typing import NDArray
 
 from qualrl.kernels import task_graph as graph_kernel
 from qualrl.kernels import tasks as kernel
+from qualrl.kernels.polling import poll
 from qualrl.learning import polling
 from qualrl.learning.learner import Learned, Seeded, fresh_progress, kernel_world, rates_of, table_of, visits_of
 from qualrl.learning.rules import Hierarchy, LearningRule
@@ -84,6 +85,7 @@ class LandmarkLearner(Seeded):
             kernel.Agents(self.ways.landmark, model.landmarks.landmark_of) if agents else None,
             worst_return(model) if self.hierarchy is Hierarchy.W else None,
         )
+        self._kept_from = -1 if model.start is None or self.hierarchy is Hierarchy.SWITCH else model.start
 
     def _begin(self, seed: int) -> None:
         self.progress = fresh_progress(self._episodes, seed)
@@ -100,30 +102,14 @@ class LandmarkLearner(Seeded):
 
     def learned(self) -> Learned:
         """See Learner."""
-        if self.policy is not None:
-            polled = polling.of_options(self.ways, self.first, self.q, self.policy)
-        elif self.hierarchy is Hierarchy.W:
-            polled = polling.of_winners(self.ways, self.first, self.q)
-        else:
-            polled = polling.of_blocks(self.ways, self.first, self.q)
-        if self.hierarchy in (Hierarchy.OPTION, Hierarchy.INTRA_OPTION, Hierarchy.MACHINE):
-            polled = polling.keep_to_choices(polled, self.model, self.greedy_step)
+        if self.hierarchy is Hierarchy.W:
+            return Learned(polling.of_winners(self.ways, self.first, self.q))
+        polled = np.empty(self.ways.likely.shape)
+        poll(
+            self._rows, self.policy, self.ways.terminal, self.ways.likely, self._actions, self._kept_from, self.q,
+            np.zeros(len(polled), np.bool_), polled,
+        )  # fmt: skip
         return Learned(polled)
-
-    def greedy_step(self, state: int, running: int | None) -> tuple[int | None, int, bool]:
-        """The greedy step: (option that runs now, move, whether it was chosen just now)."""
-        row, kind = self.first[state], self.ways.kind_of[state]
-        n_actions, start = self.ways.n_actions, self.ways.option_start[kind]
-        k = int(self.ways.option_start[kind + 1] - start)
-        place = -1 if running is None else int(self.ways.position[kind, running])
-        fresh = place < 0 or self.q[row + place] == -np.inf
-        if fresh:
-            place = int(self.q[row : row + k + n_actions].argmax())
-            if place >= k:
-                return None, place - k, True
-        block = row + k + n_actions + place * n_actions
-        move = self.q[block : block + n_actions].argmax() if self.policy is None else self.policy[row + place]
-        return int(self.ways.option[start + place]), int(move), fresh
 
 
 class MaxqLearner(Seeded):
