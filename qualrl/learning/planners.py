@@ -56,7 +56,8 @@ class PlanningLearner(Seeded):
         self._world = kernel_world(model)
         self._shape = len(model), model.world.n_actions
         self._shift = shift_of(model.world) if rule.planner is Planner.REGIONS else 0.0
-        self._terminal = np.flatnonzero(_terminal(model))
+        ends = np.flatnonzero(_terminal(model))
+        self._terminal = int(ends[0]) if len(ends) == 1 else ends  # a number is quicker to index by
         self._seen = experience(model, self._world, self._shift)
         self._levels = _levels(model, settings, self._shift) if rule.planner is Planner.REGIONS else None
         self._rates = rates_of(model, settings)
@@ -147,10 +148,10 @@ def experience(model: HybridMDP, world: KernelWorld, shift: float) -> Experience
 
 def _nothing_seen(seen: Experience) -> Experience:
     """The same with arrays of its own for what is updated."""
-    return seen._replace(
-        tries=np.zeros(len(seen.tries), np.uint32), counts=np.zeros(len(seen.counts), np.uint32),
-        leads_to=seen.leads_to.copy(),
-    )  # fmt: skip
+    tries, counts = np.zeros(len(seen.tries), np.uint32), np.zeros(len(seen.counts), np.uint32)
+    return Experience(
+        tries, counts, seen.reward, seen.goal_reward, seen.leads_to.copy(), seen.before_start, seen.before, seen.row_of
+    )
 
 
 def _targets(successor: NDArray[np.uint32], slips: bool) -> NDArray[np.uint32]:
@@ -227,10 +228,11 @@ def _nothing_waits(levels: replay.Levels) -> replay.Levels:
     ring, queue, parent, path = np.zeros((4, n_states), np.uint32)
     since, mark = np.zeros((2, n_states), np.int64)
     head, length = np.zeros((2, n_regions), np.int64)
-    return levels._replace(
-        ring=ring, head=head, length=length, waits=np.zeros(n_states, np.bool_), due=np.zeros(n_regions), since=since,
-        mark=mark, queue=queue, parent=parent, path=path, undoes=np.zeros(len(levels.undoes), np.int64),
-        notes=levels.notes.copy(), budget=levels.budget.copy(),
+    return replay.Levels(
+        levels.region_of, levels.landmark_of, levels.relevant, ring, levels.ring_start, head, length,
+        np.zeros(n_states, np.bool_), np.zeros(n_regions), since, mark, queue, parent, path,
+        np.zeros(len(levels.undoes), np.int64), levels.notes.copy(), levels.budget.copy(),
+        levels.promise, levels.best_step, levels.tries, levels.steps,
     )  # fmt: skip
 
 

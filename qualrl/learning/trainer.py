@@ -91,11 +91,12 @@ class Runner:
         whole = episode == len(self._progress.steps)
         self.learner.progress = self._progress if whole else until(self._progress, episode)
         at = time.perf_counter()
+        self.steps(self._slice_steps)
         while self.episode < episode:
-            self.steps(self._slice_steps)
             before, at = at, time.perf_counter()
             aim = self._slice_steps * SLICE_S / max(at - before, 1e-6)
             self._slice_steps = int(min(max(aim, self._slice_steps // 4), self._slice_steps * 4)) + 1000
+            self.steps(self._slice_steps)
         self.learner.progress = self._progress
 
 
