@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from qualrl.errors import SettingError
 from qualrl.kernels import stepping
@@ -20,6 +20,8 @@ SLICE_S = 0.1
 
 Starter = Callable[[int], Learner]
 """Who starts a learner with a seed."""
+Run = TypeVar("Run", bound=LearningRun)
+"""What a run is told as."""
 
 
 class Milestone(NamedTuple):
@@ -78,7 +80,8 @@ class Runner:
     @property
     def episode(self) -> int:
         """How many episodes are over."""
-        return int(self._progress.whole[stepping.EPISODE])
+        found: int = self._progress.whole.item(stepping.EPISODE)
+        return found
 
     def steps(self, count: int) -> None:
         """Go on for so many steps, or to the end."""
@@ -100,20 +103,18 @@ class Runner:
         self.learner.progress = self._progress
 
 
-class Trainer:
+class Trainer(Generic[Run]):
     """Runs of one learner, with any seeds: what does not depend on the seed is made once, when it is first needed."""
 
-    def __init__(self, model: HybridMDP, algorithm: str, settings: LearnSettings) -> None:
-        self.model, self.algorithm, self.settings = model, algorithm, settings
+    def __init__(self, model: HybridMDP, algorithm: str, settings: LearnSettings, kind: type[Run]) -> None:
+        self.model, self.algorithm, self.settings, self.kind = model, algorithm, settings, kind
 
     @cached_property
     def start(self) -> Starter:
         """See ``learner_starter``."""
         return learner_starter(self.model, self.algorithm, self.settings)
 
-    def run(
-        self, seed: int, watch: Callable[[Milestone], None] | None = None, changes: Sequence[Change] = ()
-    ) -> LearningRun:
+    def run(self, seed: int, watch: Callable[[Milestone], None] | None = None, changes: Sequence[Change] = ()) -> Run:
         """See ``train``."""
         begun = time.perf_counter()
         learner = self.start(seed)
@@ -128,7 +129,7 @@ class Trainer:
             learner.change_world(event.changed.grid)
         runner.to_episode(self.settings.episodes)
         learned, progress = learner.learned(), learner.progress
-        return LearningRun(
+        return self.kind(
             events[-1].changed if events else self.model, self.algorithm, seed, self.settings, progress.steps,
             progress.returns, learned.q, learned.arc_q, learned.arc_visits, time.perf_counter() - begun,
             learned.shifted_q, events, visits=learned.visits,
@@ -148,16 +149,11 @@ def train(
     changes: doors that close and open on the way, without the learner being told; see ``learning.changes``.
     Raises UnknownNameError for an unknown algorithm or door, NoPlanError when the goal cannot be reached, SettingError.
     """
-    return Trainer(model, algorithm, settings).run(seed, watch, changes)
+    return Trainer(model, algorithm, settings, LearningRun).run(seed, watch, changes)
 
 
 def _milestone(progress: stepping.Progress, total: int) -> Milestone:
-    episode = int(progress.whole[stepping.EPISODE])
-    last = episode - 1
-    return Milestone(
-        episode,
-        len(progress.steps),
-        total,
-        int(progress.steps[last]) if episode else None,
-        float(progress.returns[last]) if episode else None,
-    )
+    episode, episodes = progress.whole.item(stepping.EPISODE), len(progress.steps)
+    if episode == 0:
+        return Milestone(0, episodes, total, None, None)
+    return Milestone(episode, episodes, total, progress.steps.item(episode - 1), progress.returns.item(episode - 1))
