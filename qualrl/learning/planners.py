@@ -58,6 +58,7 @@ class PlanningLearner(Seeded):
         self._shift = shift_of(model.world) if rule.planner is Planner.REGIONS else 0.0
         ends = np.flatnonzero(_terminal(model))
         self._terminal = int(ends[0]) if len(ends) == 1 else ends  # a number is quicker to index by
+        self._successors = (model.world.successor,) if isinstance(model.world, GridWorld) else ()
         self._seen = experience(model, self._world, self._shift)
         self._levels = _levels(model, settings, self._shift) if rule.planner is Planner.REGIONS else None
         self._rates = rates_of(model, settings)
@@ -68,7 +69,6 @@ class PlanningLearner(Seeded):
         n_states, n_rows = self._shape[0], self._shape[0] * self._shape[1]
         self.progress = fresh_progress(self._settings.episodes, seed)
         self._seen = _nothing_seen(self._seen)
-        self._successors = [self.model.world.successor] if isinstance(self.model.world, GridWorld) else []
         self._q = np.zeros(n_rows)
         self._value = np.zeros(n_states)
         self._value[self._terminal] = self._shift
@@ -92,7 +92,7 @@ class PlanningLearner(Seeded):
     def change_world(self, world: GridWorld) -> None:
         """See Adaptive.  What was seen stays; ``before`` is an index, which has to hold whatever may be seen."""
         self._world = rewired(self._world, world)
-        self._successors.append(world.successor)
+        self._successors = (*self._successors, world.successor)
         start, before = _before(self.model, [_targets(found, world.slip > 0) for found in self._successors])
         self._seen = self._seen._replace(before_start=start, before=before)
 
