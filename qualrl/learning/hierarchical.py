@@ -73,7 +73,7 @@ class LandmarkLearner(Seeded):
         self._episodes = settings.episodes
         self._world = kernel_world(model)
         self._actions = (0,) * model.world.n_actions
-        self.first, self._unlearned, self.policy = _layout(model, self.hierarchy, settings.primitives)
+        self.first, self._may, self.policy = _layout(model, self.hierarchy, settings.primitives)
         self._rates, self._table = rates_of(model, settings), table_of(settings.alpha)
         self._rows = kernel.Rows(
             self.first, self.ways.kind_of, self.ways.option_start, self.ways.option, self.ways.position.ravel()
@@ -89,7 +89,7 @@ class LandmarkLearner(Seeded):
 
     def _begin(self, seed: int) -> None:
         self.progress = fresh_progress(self._episodes, seed)
-        self.q = self._unlearned.copy()
+        self.q = np.where(self._may, 0.0, -np.inf)
         self._visits = visits_of(self._table, len(self.q))
 
     def advance(self, n_steps: int) -> int:
@@ -214,14 +214,14 @@ def _ways(model: HybridMDP) -> LandmarkWays:
 @once
 def _layout(
     model: HybridMDP, hierarchy: Hierarchy, primitives: bool
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.uint8] | None]:
-    """(S + 1,) where rows begin, (W,) values of nothing learned, and (W,) the moves of options that have a policy."""
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.uint8] | None]:
+    """(S + 1,) where rows begin, (W,) which entries may be chosen, and (W,) the moves of options that have a policy."""
     ways = _ways(model)
     blocks = hierarchy not in (Hierarchy.OPTION, Hierarchy.INTRA_OPTION)
     first = _first(ways, blocks)
     single = ways.helpless if hierarchy is Hierarchy.W else ways.stuck | primitives
     may = open_rows(ways, first, single, hierarchy is Hierarchy.MACHINE, blocks)
-    return first, np.where(may, 0.0, -np.inf), None if blocks else _policy(ways, first, may)
+    return first, may, None if blocks else _policy(ways, first, may)
 
 
 @once
