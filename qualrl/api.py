@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from qualrl.errors import SettingError, UnknownNameError, did_you_mean
 from qualrl.learning.run import LearningRun
 from qualrl.learning.settings import LearnSettings, setting_names
-from qualrl.learning.trainer import train as run_learner
+from qualrl.learning.trainer import Trainer
 from qualrl.models.hybrid_mdp import HybridMDP, hybrid_mdp
 from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.place import PlaceLike as PlaceOnMap
@@ -121,7 +121,7 @@ def train(
     check_type("train", model, HybridMDP, "a HybridMDP, from qualrl.build or HybridMDP.from_table")
     told = _settings(settings)
     if online is None:
-        return training_of(run_learner(model, algorithm, told, seed, watch, changes))
+        return Trainer(model, algorithm, told, Training).run(seed, watch, changes)
     if changes:
         raise SettingError("a robot that does not know the map cannot be given changes of it too: drop one of the two")
     from qualrl.learning.online import train_online
@@ -148,8 +148,7 @@ def train_seeds(
     check_type("train_seeds", model, HybridMDP, "a HybridMDP, from qualrl.build or HybridMDP.from_table")
     chosen = _settings(settings)
     wanted = range(seeds) if isinstance(seeds, int) else list(seeds)
-    runs = over_threads(lambda seed, stops: run_learner(model, algorithm, chosen, seed, stops), wanted, threads, told)
-    return [training_of(run) for run in runs]
+    return over_threads(Trainer(model, algorithm, chosen, Training).run, wanted, threads, told)
 
 
 def _settings(given: Mapping[str, Any]) -> LearnSettings:
@@ -170,7 +169,7 @@ def check_type(verb: str, given: object, wanted: type | UnionType, words: str) -
 def training_of(run: LearningRun) -> Training:
     """A run that can plan; it shares all arrays, and what was worked out of them."""
     training = Training.__new__(Training)
-    training.__dict__.update(run.__dict__)  # as the constructor would, which takes a tenth of a very short run
+    training.__dict__.update(run.__dict__)
     return training
 
 

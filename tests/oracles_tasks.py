@@ -249,6 +249,42 @@ def run_agents(how, s, step, marks, top, inner, draws, gamma, teacher, epsilon, 
             return t, total
 
 
+def polled(marks, top, inner, start):
+    """[{move: value}] of each state: the best of the choices at the top that begin with a move.
+
+    top[s]: {choice: value}.  inner(option, s): {move: value} of an option's moves, or None where it goes its way.
+    start: None, or from where learners that keep to a choice until it has ended are asked for their way: where a
+    choice is under way its move is all there is, and elsewhere moves as good as that of the way count for less.
+    """
+
+    def begins(choice, s):
+        if not isinstance(choice, tuple):
+            return choice
+        values = inner(choice, s)
+        return marks.move(choice, s) if values is None else max(values, key=values.get)
+
+    table = [{} for _ in top]
+    for s, values in enumerate(top):
+        for choice, value in values.items():
+            move = begins(choice, s)
+            table[s][move] = max(value, table[s].get(move, value))
+    s, running, passed, worth = start, None, set(), 0.0
+    while s is not None and not marks.terminal(s) and s not in passed:
+        passed.add(s)
+        chosen = running not in top[s]
+        running = max(top[s], key=top[s].get) if chosen else running
+        move = begins(running, s)
+        worth = table[s].get(move, worth)
+        if not chosen:
+            table[s] = {move: worth}
+        for other, value in table[s].items():
+            if other != move and value >= worth - 1e-9 * abs(worth):
+                table[s][other] = worth - 1e-9 * abs(worth)
+        running = running if isinstance(running, tuple) else None
+        s = marks.likely[s][move]
+    return table
+
+
 def power(base, n):
     """Base to the n-th by squaring: what compiled loops make of it, which differs in the last bit from C's pow."""
     found = 1.0

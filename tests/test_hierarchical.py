@@ -95,6 +95,26 @@ def test_moves_are_counted_as_the_textbook_makes_them(algorithm):
     assert uncounted.learned().visits is None
 
 
+@pytest.mark.parametrize("algorithm", [name for name in LANDMARK_LEARNERS if name != "w-learning"])
+@given(model=st.sampled_from([halves(start=(5, 1)), halves(0.2, (5, 1), 8), halves(0.3), puzzle(), table_model()]),
+       episodes=st.integers(1, 40), primitives=st.booleans(), seed=st.integers(0, 99))  # fmt: skip
+@settings(max_examples=25, deadline=None)
+def test_what_is_polled_equals_the_textbook(algorithm, model, episodes, primitives, seed):
+    chosen = LearnSettings(episodes=episodes, alpha=0.3, epsilon=0.1, max_steps=40, primitives=primitives)
+    learner = finished(start_learner(model, algorithm, chosen, seed))
+    _, likely, terminal = stepper(model)
+    marks = twins.Landmarks(model, likely, terminal)
+    top = [{} if terminal(s) else top_values(learner, marks, s) for s in range(len(model))]
+    wanted = twins.polled(
+        marks, top, lambda option, s: None if "option" in algorithm else inner_values(learner, marks, s, option),
+        None if algorithm == "switch" else model.start,
+    )  # fmt: skip
+    for s, values in enumerate(learner.learned().q.tolist()):
+        assert {move: value for move, value in enumerate(values) if value > -np.inf} == (
+            dict.fromkeys(range(len(values)), 0.0) if terminal(s) else wanted[s]
+        )
+
+
 @pytest.mark.parametrize("alpha", [0.3, "1/(1+k)**0.6"])
 @pytest.mark.parametrize("algorithm", LEARNERS)
 def test_slices_of_any_size_give_the_same_run_and_seeds_another(algorithm, alpha):

@@ -124,7 +124,7 @@ def test_arcs_between_landmarks_that_stayed_keep_their_values():
     moved = landmark_level(["a", "b"], np.array([0, 1, -1, -1, -1], np.int32), [(0,), (0,)])
     assert same_landmarks(moved, before).tolist() == [0, -1]
     model = five_rooms()
-    learner = OneStepLearner(model, rule_named("hql"), LearnSettings(), 0)
+    learner = OneStepLearner(model, rule_named("hql"), LearnSettings()).with_seed(0)
     upper = learner._upper._replace(
         arc_start=before.arc_start, arc_target=before.arc_target, arc_q=np.arange(6.0), arc_visits=np.arange(6),
         pair_count=np.arange(12),
@@ -138,7 +138,7 @@ def test_arcs_between_landmarks_that_stayed_keep_their_values():
 
 def test_states_that_wait_for_a_replay_wait_on_in_their_new_regions():
     model = five_rooms()
-    levels = PlanningLearner(model, rule_named("hql-replay"), LearnSettings(), 0)._levels
+    levels = PlanningLearner(model, rule_named("hql-replay"), LearnSettings()).with_seed(0)._levels
     wait = from_python(replay.wait)
     waiting = [5, 90, 33, 200, 34]
     for state in waiting:
@@ -157,7 +157,7 @@ def test_states_that_wait_for_a_replay_wait_on_in_their_new_regions():
 
 def test_finding_the_same_levels_anew_changes_nothing_for_hql():
     model, chosen = five_rooms(), LearnSettings(episodes=40, alpha=0.5, eta_counter="episode")
-    plain, disturbed = (OneStepLearner(model, rule_named("hql"), chosen, 5) for _ in range(2))
+    plain, disturbed = (OneStepLearner(model, rule_named("hql"), chosen).with_seed(5) for _ in range(2))
     plain.advance(10**9)
     while disturbed.advance(97):
         disturbed.change_levels(model)

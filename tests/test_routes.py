@@ -13,7 +13,7 @@ import qualrl
 from qualrl.errors import NoPlanError, PlaceError, UnknownNameError
 from qualrl.kernels import routing
 from qualrl.models.grid_world import GridWorld
-from qualrl.planning.gates import gates_of, straight
+from qualrl.planning.gates import apart, gates_of, straight
 from qualrl.planning.routes import Routes
 from qualrl.spatial.doorways import find_doorways
 from qualrl.spatial.floor_plans import random_floor_plan
@@ -183,6 +183,63 @@ def test_the_search_over_doorways_equals_networkx(data):
             last = before[last]
         assert region[last] == start
         assert away[last] == leave[last - first[start]]
+
+
+def met(gates, steps, region, leave, beyond, limit) -> dict[int, int]:
+    """By gate, the least steps with which it is left by, from somewhere in a region; textbook Dijkstra.
+
+    A gate is passed over from which the steps so far and those beyond are not less than the limit.
+    """
+    found: dict[int, int] = {}
+    waiting = [(away, at) for at, away in enumerate(leave.tolist(), gates.first[region]) if away >= 0]
+    while waiting:
+        away, at = min(waiting)
+        waiting.remove((away, at))
+        if at not in found and away + beyond[at] < limit:
+            found[at] = away
+            inside = int(gates.partner[at])
+            first, end = gates.first[gates.region[inside]], gates.first[gates.region[inside] + 1]
+            row = steps[gates.row[inside] :][: end - first].tolist()
+            waiting += [(away + 1 + more, other) for other, more in enumerate(row, first) if more >= 0]
+    return found
+
+
+@given(partitions(), st.data(), st.sampled_from([0, 3]), st.sampled_from([0, 20_000_000]))
+@settings(max_examples=150, deadline=None)
+def test_the_regions_kept_are_those_of_the_textbook(regions, data, longer, walked):
+    """Those of all doorways by which, by the least steps, a way may be short enough, and those of a shortest way."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("qualrl.planning.routes.WALKED", walked)
+        routes = Routes(regions)
+    cells = [tuple(cell) for cell in np.argwhere(regions.grid.free).tolist()]
+    gates, graph = routes.graph.gates, routes.graph
+    ends = []
+    for row, column in data.draw(st.lists(st.sampled_from(cells), min_size=2, max_size=2)):
+        region = int(regions.label[row, column])
+        ends.append(routing.End(row, column, region, *routes._to_gates(region, [routes._flat((row, column))])))
+    start, goal = ends
+    most = data.draw(st.sampled_from([2**30, 5, 40]))
+    wanted, found = routing.on_the_way(gates, graph.boxes, graph.steps, graph.least, start, goal, most, longer)
+
+    partner, none = gates.partner.tolist(), [0] * len(gates.partner)
+    away = met(gates, graph.steps, start.region, start.middle, none, 2**31)
+    back = met(gates, graph.steps, goal.region, goal.middle, none, 2**31)
+    through = {at: away[at] + 1 + back[partner[at]] for at in away if partner[at] in back}
+    assert found == min([most, *through.values()])
+    limit = -(-100 * found // (100 + longer))
+    straight_on = apart(graph.boxes, np.repeat([goal.row, goal.column], 2)[:, None]).tolist()
+    away = met(gates, graph.least, start.region, start.nearest, straight_on, limit)
+    back = met(gates, graph.least, goal.region, goal.nearest, [away.get(at, limit) + 1 for at in partner], limit)
+    kept = sides(gates, back)
+    first_way = sides(gates, [at for at, steps in through.items() if steps == found < most])
+    assert kept <= set(np.flatnonzero(wanted).tolist()) <= kept | first_way
+    if first_way:
+        assert wanted[[start.region, goal.region]].all()
+
+
+def sides(gates, passed) -> set[int]:
+    """The regions on both sides of some gates."""
+    return {int(region) for at in passed for region in gates.region[[at, gates.partner[at]]]}
 
 
 @given(st.data())

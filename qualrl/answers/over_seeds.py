@@ -16,7 +16,7 @@ from qualrl.answers.sureness import judged
 from qualrl.errors import SettingError
 from qualrl.learning.many import over_threads
 from qualrl.learning.run import LearningRun
-from qualrl.learning.trainer import train
+from qualrl.learning.trainer import Trainer
 from qualrl.qualitative.from_counts import Counts
 from qualrl.solving.policy import greedy_walk
 
@@ -101,7 +101,7 @@ def over_seeds(run: LearningRun, start: int, entries: Sequence[tuple[str, int]],
     if run.changes or run.growth is not None:
         raise SettingError("a run whose world changed, or was unknown, is not repeated with other seeds")
     others = [run.seed + number for number in range(1, more + 1)]
-    runs = [run, *over_threads(lambda seed, watch: train(run.model, run.algorithm, run.settings, seed, watch), others)]
+    runs = [run, *over_threads(Trainer(run.model, run.algorithm, run.settings, LearningRun).run, others)]
     found = [_of_run(one, start) for one in runs]
     ways = [(arrives, bool(right[walk[:-1]].all())) for walk, arrives, right, _ in found]
     return OverSeeds(

@@ -35,6 +35,18 @@ class Gates(NamedTuple):
     """(N + 1,) those of gate n are cell_first[n] .. cell_first[n + 1]."""
 
 
+class End(NamedTuple):
+    """Where a way begins or ends."""
+
+    row: int
+    column: int
+    region: int
+    middle: Ints
+    """(K,) steps between it and the middle of each gate of its region without leaving that; -1 where no way leads."""
+    nearest: Ints
+    """(K,) the same for the nearest of each gate's cells."""
+
+
 @compiled
 def walk(
     label: Ints, allowed: Flags, sources: Ints, targets: Ints, most: int, seen: Ints, base: int, queue: Ints,
@@ -179,3 +191,35 @@ def over_gates(
                 away[other], before[other] = there, gate
                 heapq.heappush(heap, (there + beyond[other], np.int32(other)))
     return best, last, away, before
+
+
+@compiled
+def on_the_way(
+    gates: Gates, boxes: Ints, steps: Ints, least: Ints, start: End, goal: End, most: int, longer: int
+) -> Any:  # fmt: skip
+    """The regions (R,) to look for a way in, and how many steps it takes at most; ``planning.gate_graph`` says why.
+
+    boxes (4, N): first and last row, first and last column of each gate's cells.  steps, least: as in
+    ``planning.gate_graph``.  most: steps of a way that is known already.  longer: by how many hundredths the way may be
+    longer than the shortest.
+    """
+    n_gates = gates.cell.size
+    beyond = np.empty(n_gates, np.int32)
+    for gate in range(n_gates):
+        down = max(goal.row - boxes[1, gate], boxes[0, gate] - goal.row, 0)
+        beyond[gate] = down + max(goal.column - boxes[3, gate], boxes[2, gate] - goal.column, 0)
+    most, last, _, before = over_gates(gates, steps, start.region, start.middle, goal.region, goal.middle, beyond, most)
+    wanted = np.zeros(gates.first.size - 1, np.bool_)
+    while last >= 0:
+        wanted[gates.region[last]] = wanted[gates.region[gates.partner[last]]] = True
+        last = before[last]
+    limit = -(-100 * most // (100 + longer))
+    nowhere = np.empty(0, np.int32)
+    away = over_gates(gates, least, start.region, start.nearest, -1, nowhere, beyond, limit)[2]
+    for gate in range(n_gates):
+        beyond[gate] = away[gates.partner[gate]] + 1
+    back = over_gates(gates, least, goal.region, goal.nearest, -1, nowhere, beyond, limit)[2]
+    for gate in range(n_gates):
+        if back[gate] < limit:
+            wanted[gates.region[gate]] = wanted[gates.region[gates.partner[gate]]] = True
+    return wanted, most

@@ -177,7 +177,8 @@ def chosen(q: Any, low: Any, high: Any, best: Any, ties: Any, exploring: Any, u:
 
 
 @compiled_inline
-def _spot(rows: Any, n_options: Any, s: Any) -> Any:
+def spot_of(rows: Any, n_options: Any, s: Any) -> Any:
+    """Where the numbers of a state stand."""
     kind = int64(rows.kind_of[s])
     start = rows.option_start[kind]
     return Spot(rows.first[s], rows.option_start[kind + 1] - start, start, kind * n_options)
@@ -309,12 +310,12 @@ def run_steps(
     episodes = progress.steps.size
     done = 0
     a = int64(0)
-    here = _spot(rows, n_options, s)
+    here = spot_of(rows, n_options, s)
     while done < n_steps and episode < episodes:
         if t == 0:
             at, r0, r1, r2, r3 = started(starts, r0, r1, r2, r3)
             s, total, running, pending = int64(at), 0.0, -1, -1
-            here = _spot(rows, n_options, s)
+            here = spot_of(rows, n_options, s)
         place = int64(rows.position[here.base + running]) if running >= 0 else int64(-1)
         until, over = min(rates.max_steps, t + n_steps - done), False
         done -= t
@@ -355,7 +356,7 @@ def run_steps(
                 grid, slip, table, uint64(s), uint64(a), n_actions, r0, r1, r2, r3
             )
             s = int64(moved)
-            there = _spot(rows, n_options, s)
+            there = spot_of(rows, n_options, s)
             gain += discount * reward
             discount *= gamma
             total += reward

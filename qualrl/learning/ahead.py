@@ -3,32 +3,46 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels import stepping
 from qualrl.kernels import traces as kernel
-from qualrl.learning.learner import NO_LIMIT, Learned, counting, fresh_progress, kernel_world, rewired, tried, visits_of
+from qualrl.learning.learner import (
+    Learned,
+    Seeded,
+    counting,
+    fresh_progress,
+    kernel_world,
+    rates_of,
+    rewired,
+    table_of,
+    tried,
+    visits_of,
+)
 from qualrl.learning.rules import LearningRule
 from qualrl.learning.settings import LearnSettings
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 
 
-class AheadLearner:
+class AheadLearner(Seeded):
     """A learner of the loop in ``kernels.traces``."""
 
-    def __init__(self, model: HybridMDP, rule: LearningRule, settings: LearnSettings, seed: int) -> None:
+    def __init__(self, model: HybridMDP, rule: LearningRule, settings: LearnSettings) -> None:
         self.model = model
-        self.progress = fresh_progress(settings.episodes, seed)
-        rows = len(model) * model.world.n_actions
+        self._episodes = settings.episodes
         self._world = kernel_world(model)
+        self._decay = model.gamma * settings.trace if rule.traces else None
+        self._on_policy = True if rule.on_policy else None
+        self._rates, self._table = rates_of(model, settings), table_of(settings.alpha)
+        self._actions = (0,) * model.world.n_actions
+        self._rows = len(model) * len(self._actions)
+
+    def _begin(self, seed: int) -> None:
+        rows = self._rows
+        self.progress = fresh_progress(self._episodes, seed)
         self._q = np.zeros(rows)
         self._trace = None
-        if rule.traces:
-            decay = model.gamma * settings.trace
-            self._trace = kernel.Trace(decay, np.zeros(rows, np.uint32), np.zeros(rows), np.zeros(rows))
-        self._on_policy = True if rule.on_policy else None
-        self._visits, alpha = visits_of(settings.alpha, rows)
-        self._rates = stepping.Rates(alpha, model.gamma, settings.epsilon, settings.max_steps or NO_LIMIT)
-        self._actions = (0,) * model.world.n_actions
+        if self._decay is not None:
+            self._trace = kernel.Trace(self._decay, np.zeros(rows, np.uint32), np.zeros(rows), np.zeros(rows))
+        self._visits = visits_of(self._table, rows)
 
     def advance(self, n_steps: int) -> int:
         """See Learner."""

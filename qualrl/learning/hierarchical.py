@@ -40,11 +40,20 @@ landmark, so the shortest way tends to win; nothing keeps two agents from undoin
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels import stepping
 from qualrl.kernels import task_graph as graph_kernel
 from qualrl.kernels import tasks as kernel
+from qualrl.kernels.polling import poll
 from qualrl.learning import polling
-from qualrl.learning.learner import NO_LIMIT, Learned, counting, fresh_progress, kernel_world, visits_of
+from qualrl.learning.learner import (
+    Learned,
+    Seeded,
+    counting,
+    fresh_progress,
+    kernel_world,
+    rates_of,
+    table_of,
+    visits_of,
+)
 from qualrl.learning.rules import Hierarchy, LearningRule
 from qualrl.learning.settings import LearnSettings
 from qualrl.models.hybrid_mdp import HybridMDP
@@ -56,29 +65,25 @@ LISTED_POWERS = 64
 """Powers of gamma that need not be worked out: for calls of fewer steps, which most are."""
 
 
-def task_learner(
-    model: HybridMDP, rule: LearningRule, settings: LearnSettings, seed: int
-) -> "LandmarkLearner | MaxqLearner":
+def task_learner(model: HybridMDP, rule: LearningRule, settings: LearnSettings) -> "LandmarkLearner | MaxqLearner":
     """The learner of a row of ``Loop.TASKS``."""
     if rule.hierarchy is Hierarchy.MAXQ:
-        return MaxqLearner(model, settings, seed)
-    return LandmarkLearner(model, rule, settings, seed)
+        return MaxqLearner(model, settings)
+    return LandmarkLearner(model, rule, settings)
 
 
-class LandmarkLearner:
+class LandmarkLearner(Seeded):
     """A learner of the loop in ``kernels.tasks``."""
 
-    def __init__(self, model: HybridMDP, rule: LearningRule, settings: LearnSettings, seed: int) -> None:
+    def __init__(self, model: HybridMDP, rule: LearningRule, settings: LearnSettings) -> None:
         self.model = model
         self.ways = _ways(model)
         self.hierarchy = rule.hierarchy
-        self.progress = fresh_progress(settings.episodes, seed)
+        self._episodes = settings.episodes
         self._world = kernel_world(model)
         self._actions = (0,) * model.world.n_actions
-        self.first, may, self.policy = _layout(model, self.hierarchy, settings.primitives)
-        self.q = np.where(may, 0.0, -np.inf)
-        self._visits, self._rates = _rates(model, settings, self.q.size)
-        self._tries: NDArray[np.uint32] | None = None
+        self.first, self._may, self.policy = _layout(model, self.hierarchy, settings.primitives)
+        self._rates, self._table = rates_of(model, settings), table_of(settings.alpha)
         self._rows = kernel.Rows(
             self.first, self.ways.kind_of, self.ways.option_start, self.ways.option, self.ways.position.ravel()
         )
@@ -89,6 +94,13 @@ class LandmarkLearner:
             kernel.Agents(self.ways.landmark, model.landmarks.landmark_of) if agents else None,
             worst_return(model) if self.hierarchy is Hierarchy.W else None,
         )
+        self._kept_from = -1 if model.start is None or self.hierarchy is Hierarchy.SWITCH else model.start
+
+    def _begin(self, seed: int) -> None:
+        self._tries: NDArray[np.uint32] | None = None
+        self.progress = fresh_progress(self._episodes, seed)
+        self.q = np.where(self._may, 0.0, -np.inf)
+        self._visits = visits_of(self._table, len(self.q))
 
     def advance(self, n_steps: int) -> int:
         """See Learner."""
@@ -104,53 +116,47 @@ class LandmarkLearner:
 
     def learned(self) -> Learned:
         """See Learner."""
-        if self.policy is not None:
-            polled = polling.of_options(self.ways, self.first, self.q, self.policy)
-        elif self.hierarchy is Hierarchy.W:
-            polled = polling.of_winners(self.ways, self.first, self.q)
-        else:
-            polled = polling.of_blocks(self.ways, self.first, self.q)
-        if self.hierarchy in (Hierarchy.OPTION, Hierarchy.INTRA_OPTION, Hierarchy.MACHINE):
-            polled = polling.keep_to_choices(polled, self.model, self.greedy_step)
-        tries = None if self._tries is None else self._tries.reshape(polled.shape).copy()
-        return Learned(polled, visits=tries)
+        if self.hierarchy is Hierarchy.W:
+            return Learned(polling.of_winners(self.ways, self.first, self.q), visits=self._made())
+        polled = np.empty(self.ways.likely.shape)
+        poll(
+            self._rows, self.policy, self.ways.terminal, self.ways.likely, self._actions, self._kept_from, self.q,
+            np.zeros(len(polled), np.bool_), polled,
+        )  # fmt: skip
+        return Learned(polled, visits=self._made())
 
-    def greedy_step(self, state: int, running: int | None) -> tuple[int | None, int, bool]:
-        """The greedy step: (option that runs now, move, whether it was chosen just now)."""
-        row, kind = self.first[state], self.ways.kind_of[state]
-        n_actions, start = self.ways.n_actions, self.ways.option_start[kind]
-        k = int(self.ways.option_start[kind + 1] - start)
-        place = -1 if running is None else int(self.ways.position[kind, running])
-        fresh = place < 0 or self.q[row + place] == -np.inf
-        if fresh:
-            place = int(self.q[row : row + k + n_actions].argmax())
-            if place >= k:
-                return None, place - k, True
-        block = row + k + n_actions + place * n_actions
-        move = self.q[block : block + n_actions].argmax() if self.policy is None else self.policy[row + place]
-        return int(self.ways.option[start + place]), int(move), fresh
+    def _made(self) -> NDArray[np.uint32] | None:
+        """(S, A) how often each move was made; None where that was not counted."""
+        return None if self._tries is None else self._tries.reshape(len(self.model), -1).copy()
 
 
-class MaxqLearner:
+class MaxqLearner(Seeded):
     """A learner of the loop in ``kernels.task_graph``: on the model's own task graph, or on that of its landmarks."""
 
-    def __init__(self, model: HybridMDP, settings: LearnSettings, seed: int) -> None:
+    def __init__(self, model: HybridMDP, settings: LearnSettings) -> None:
         self.model = model
         self.graph = model.tasks or landmark_tasks(model, settings.primitives)
-        self.progress = fresh_progress(settings.episodes, seed)
+        self._episodes = settings.episodes
         self._world = kernel_world(model)
         self._actions = (0,) * model.world.n_actions
         self._graph, self._pseudo = self.graph.for_loop
+        self._moves = len(model) * len(self._actions)
+        self._calls_kept = self._moves + int(np.diff(self.graph.bottom_up[0])[self.graph.kind_of].sum())
+        self._rates, self._table = rates_of(model, settings), table_of(settings.alpha)
+
+    def _begin(self, seed: int) -> None:
+        self.progress = fresh_progress(self._episodes, seed)
         stack = np.zeros((4, self.graph.depth), np.int64)
         self._calls = graph_kernel.Calls(stack[0], stack[1], stack[2], stack[3])
         self.own = np.where(self.graph.open, 0.0, -np.inf)
         """(W,) completions as each task goes by them."""
         self.outer = self.own.copy() if self.graph.has_pseudo_rewards else None
         """(W,) completions as others see them; None where the two are the same."""
-        moves, tasks = len(model) * model.world.n_actions, np.diff(self.graph.bottom_up[0])[self.graph.kind_of].sum()
-        self._kept = graph_kernel.Kept(np.zeros(moves + tasks), np.ones(len(model), np.bool_), np.empty(LISTED_POWERS))
+        self._kept = graph_kernel.Kept(
+            np.zeros(self._calls_kept), np.ones(len(self.model), np.bool_), np.empty(LISTED_POWERS)
+        )
         self._is_settled = False
-        self._visits, self._rates = _rates(model, settings, self.own.size + moves)
+        self._visits = visits_of(self._table, self.own.size + self._moves)
 
     def advance(self, n_steps: int) -> int:
         """See Learner."""
@@ -255,11 +261,6 @@ def landmark_tasks(model: HybridMDP, primitives: bool = False) -> TaskGraph:
 def worst_return(model: HybridMDP) -> float:
     """The least that any policy may earn, discounted."""
     return min(model.world.reward_bounds[0], 0.0) / (1 - model.gamma)
-
-
-def _rates(model: HybridMDP, settings: LearnSettings, entries: int) -> tuple[stepping.Visits | None, stepping.Rates]:
-    visits, alpha = visits_of(settings.alpha, entries)
-    return visits, stepping.Rates(alpha, model.gamma, settings.epsilon, settings.max_steps or NO_LIMIT)
 
 
 def _first(ways: LandmarkWays, blocks: bool) -> NDArray[np.int64]:

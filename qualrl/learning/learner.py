@@ -3,8 +3,8 @@
 S states, A actions, E arcs between landmarks.
 """
 
-from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from abc import ABC, abstractmethod
+from typing import NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,24 +12,27 @@ from numpy.typing import NDArray
 from qualrl.errors import SettingError
 from qualrl.kernels import stepping
 from qualrl.learning.schedule import schedule_of
+from qualrl.learning.settings import LearnSettings
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.models.once import once
 
 NO_LIMIT = 2**62
+NO_ARCS, NO_TRAVELS = np.empty(0), np.empty(0, np.int64)
+NO_ARCS.setflags(write=False)
+NO_TRAVELS.setflags(write=False)
 
 
-@dataclass(frozen=True, eq=False)
-class Learned:
+class Learned(NamedTuple):
     """What a learner knows so far."""
 
     q: NDArray[np.float64]
     """(S, A) values of the actions, by which the greedy policy chooses; terminal rows stay 0."""
     shifted_q: NDArray[np.float64] | None = None
     """(S, A) q plus the shift of ``solving.exact``, from learners that keep digits where q has none left."""
-    arc_q: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    arc_q: NDArray[np.float64] = NO_ARCS
     """(E,) values of the arcs between landmarks; empty for learners without that level."""
-    arc_visits: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    arc_visits: NDArray[np.int64] = NO_TRAVELS
     """(E,) how often each arc was travelled."""
     visits: NDArray[np.uint32] | None = None
     """(S, A) how often each action was tried, (S, 1) how often each state was left by a policy that is evaluated; None
@@ -47,6 +50,26 @@ class Learner(Protocol):
 
     def learned(self) -> Learned:
         """What it knows by now; arrays of its own, that later steps do not change."""
+
+
+class Seeded(ABC):
+    """What makes learners that differ in their seeds only: the constructor lays out what they share, once for all.
+
+    It is read only.  Whoever learns is made by ``with_seed``.
+    """
+
+    progress: stepping.Progress
+
+    def with_seed(self, seed: int) -> Self:
+        """A learner that has made no step yet.  Raises SettingError for a seed out of its range."""
+        learner = object.__new__(type(self))
+        learner.__dict__.update(self.__dict__)
+        learner._begin(seed)
+        return learner
+
+    @abstractmethod
+    def _begin(self, seed: int) -> None:
+        """Make the arrays that a learner updates."""
 
 
 @runtime_checkable
@@ -98,15 +121,24 @@ def until(progress: stepping.Progress, episode: int) -> stepping.Progress:
     return progress._replace(steps=progress.steps[:episode], returns=progress.returns[:episode])
 
 
-def visits_of(alpha: float | str, rows: int) -> tuple[stepping.Visits | None, float]:
-    """(counts and table of a learning rate that changes, or None; the rate when it is constant).
+def rates_of(model: HybridMDP, settings: LearnSettings) -> stepping.Rates:
+    """The numbers of the learning rule; alpha is 0 where it changes, see ``table_of``."""
+    alpha = schedule_of(settings.alpha).constant or 0.0
+    return stepping.Rates(alpha, model.gamma, settings.epsilon, settings.max_steps or NO_LIMIT)
+
+
+def table_of(alpha: float | str) -> NDArray[np.float64] | None:
+    """The table of a learning rate that changes; None for a constant one."""
+    schedule = schedule_of(alpha)
+    return schedule.table() if schedule.constant is None else None
+
+
+def visits_of(table: NDArray[np.float64] | None, rows: int) -> stepping.Visits | None:
+    """No update of any row yet, where the learning rate changes with how many there were; else None.
 
     k counts the updates of each row, as Theorem 2 asks.
     """
-    schedule = schedule_of(alpha)
-    if schedule.constant is not None:
-        return None, schedule.constant
-    return stepping.Visits(np.zeros(rows, np.uint32), schedule.table()), 0.0
+    return None if table is None else stepping.Visits(np.zeros(rows, np.uint32), table)
 
 
 def counting(visits: stepping.Visits | None, alpha: float, rows: int) -> stepping.Visits:

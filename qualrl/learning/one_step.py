@@ -4,8 +4,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels import learning as kernel
-from qualrl.kernels import stepping
-from qualrl.learning.learner import NO_LIMIT, Learned, counting, fresh_progress, kernel_world, rewired, tried, visits_of
+from qualrl.learning.learner import (
+    Learned,
+    Seeded,
+    counting,
+    fresh_progress,
+    kernel_world,
+    rates_of,
+    rewired,
+    table_of,
+    tried,
+    visits_of,
+)
 from qualrl.learning.levels_anew import same_landmarks, upper_anew
 from qualrl.learning.policy import policy_actions
 from qualrl.learning.rules import LearningRule
@@ -15,21 +25,30 @@ from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 
 
-class OneStepLearner:
+class OneStepLearner(Seeded):
     """A learner of the loop in ``kernels.learning``."""
 
-    def __init__(self, model: HybridMDP, rule: LearningRule, settings: LearnSettings, seed: int) -> None:
+    def __init__(self, model: HybridMDP, rule: LearningRule, settings: LearnSettings) -> None:
         self.model = model
-        self.progress = fresh_progress(settings.episodes, seed)
-        self.progress.whole[kernel.LANDMARK] = self.progress.whole[kernel.LEFT_AT] = -1
+        self._episodes = settings.episodes
         self._world = kernel_world(model)
         self._upper = _upper(model, settings) if rule.uses_landmarks else None
         self._landmarks = model.landmarks
         self._policy = policy_actions(model, settings.policy) if rule.evaluates else None
         self._actions = (0,) * model.world.n_actions
-        self._q = np.zeros(len(model) * (1 if rule.evaluates else model.world.n_actions))
-        self._visits, alpha = visits_of(settings.alpha, len(self._q))
-        self._rates = stepping.Rates(alpha, model.gamma, settings.epsilon, settings.max_steps or NO_LIMIT)
+        self._shape = len(model), 1 if rule.evaluates else model.world.n_actions
+        self._rates, self._table = rates_of(model, settings), table_of(settings.alpha)
+
+    def _begin(self, seed: int) -> None:
+        self.progress = fresh_progress(self._episodes, seed)
+        self.progress.whole[kernel.LANDMARK] = self.progress.whole[kernel.LEFT_AT] = -1
+        self._q = np.zeros(self._shape[0] * self._shape[1])
+        self._visits = visits_of(self._table, len(self._q))
+        if self._upper is not None:
+            arcs, pairs = len(self._upper.arc_q), len(self._upper.pair_count)
+            self._upper = self._upper._replace(
+                arc_q=np.zeros(arcs), arc_visits=np.zeros(arcs, np.int64), pair_count=np.zeros(pairs, np.int64)
+            )
 
     def advance(self, n_steps: int) -> int:
         """See Learner."""
@@ -65,7 +84,7 @@ class OneStepLearner:
 
     def learned(self) -> Learned:
         """See Learner."""
-        q = self._q.reshape(len(self.model), -1).copy()
+        q = self._q.reshape(self._shape).copy()
         visits = tried(self._visits, len(self.model))
         if self._upper is None:
             return Learned(q, visits=visits)

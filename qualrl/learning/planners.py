@@ -20,10 +20,20 @@ either.  With epsilon 0 an action of chance is tried ``tries`` times and then be
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels import dyna, replay, stepping, sweeping
+from qualrl.kernels import dyna, replay, sweeping
 from qualrl.kernels.experience import Experience
 from qualrl.kernels.planning import run_planning
-from qualrl.learning.learner import NO_LIMIT, KernelWorld, Learned, fresh_progress, kernel_world, rewired, visits_of
+from qualrl.learning.learner import (
+    KernelWorld,
+    Learned,
+    Seeded,
+    fresh_progress,
+    kernel_world,
+    rates_of,
+    rewired,
+    table_of,
+    visits_of,
+)
 from qualrl.learning.levels_anew import regions_anew
 from qualrl.learning.relevant import relevant_regions
 from qualrl.learning.rules import LearningRule, Planner
@@ -37,29 +47,39 @@ NOTHING = 1e-12
 """A shifted reward below this share of the shift is 0."""
 
 
-class PlanningLearner:
+class PlanningLearner(Seeded):
     """A learner of the loop in ``kernels.planning``."""
 
-    def __init__(self, model: HybridMDP, rule: LearningRule, settings: LearnSettings, seed: int) -> None:
+    def __init__(self, model: HybridMDP, rule: LearningRule, settings: LearnSettings) -> None:
         self.model = model
-        self.progress = fresh_progress(settings.episodes, seed)
+        self._settings, self._planner = settings, rule.planner
         self._world = kernel_world(model)
-        n_states, n_actions = len(model), model.world.n_actions
+        self._shape = len(model), model.world.n_actions
         self._shift = shift_of(model.world) if rule.planner is Planner.REGIONS else 0.0
+        ends = np.flatnonzero(_terminal(model))
+        self._terminal = int(ends[0]) if len(ends) == 1 else ends  # a number is quicker to index by
+        self._successors = (model.world.successor,) if isinstance(model.world, GridWorld) else ()
         self._seen = experience(model, self._world, self._shift)
-        self._successors = [model.world.successor] if isinstance(model.world, GridWorld) else []
-        self._q = np.zeros(n_states * n_actions)
-        self._value = np.where(_terminal(model), self._shift, 0.0)
-        self._dyna = self._heap = self._levels = None
-        if rule.planner is Planner.DYNA:
-            self._dyna = dyna.Dyna(np.zeros(len(self._q), np.uint32), settings.planning_steps)
-        if rule.planner is Planner.HEAP:
-            self._heap = _heap(n_states, settings)
-        if rule.planner is Planner.REGIONS:
-            self._levels = _levels(model, settings, self._shift)
-        self._visits, alpha = visits_of(settings.alpha, len(self._q)) if rule.planner is Planner.DYNA else (None, 0.0)
-        self._rates = stepping.Rates(alpha, model.gamma, settings.epsilon, settings.max_steps or NO_LIMIT)
-        self._actions = (0,) * n_actions
+        self._levels = _levels(model, settings, self._shift) if rule.planner is Planner.REGIONS else None
+        self._rates = rates_of(model, settings)
+        self._table = table_of(settings.alpha) if rule.planner is Planner.DYNA else None
+        self._actions = (0,) * model.world.n_actions
+
+    def _begin(self, seed: int) -> None:
+        n_states, n_rows = self._shape[0], self._shape[0] * self._shape[1]
+        self.progress = fresh_progress(self._settings.episodes, seed)
+        self._seen = _nothing_seen(self._seen)
+        self._q = np.zeros(n_rows)
+        self._value = np.zeros(n_states)
+        self._value[self._terminal] = self._shift
+        self._visits = visits_of(self._table, n_rows)
+        self._dyna = self._heap = None
+        if self._planner is Planner.DYNA:
+            self._dyna = dyna.Dyna(np.zeros(n_rows, np.uint32), self._settings.planning_steps)
+        if self._planner is Planner.HEAP:
+            self._heap = _heap(n_states, self._settings)
+        if self._levels is not None:
+            self._levels = _nothing_waits(self._levels)
 
     def advance(self, n_steps: int) -> int:
         """See Learner."""
@@ -72,7 +92,7 @@ class PlanningLearner:
     def change_world(self, world: GridWorld) -> None:
         """See Adaptive.  What was seen stays; ``before`` is an index, which has to hold whatever may be seen."""
         self._world = rewired(self._world, world)
-        self._successors.append(world.successor)
+        self._successors = (*self._successors, world.successor)
         start, before = _before(self.model, [_targets(found, world.slip > 0) for found in self._successors])
         self._seen = self._seen._replace(before_start=start, before=before)
 
@@ -94,15 +114,18 @@ class PlanningLearner:
 
     def learned(self) -> Learned:
         """See Learner."""
-        shifted = self._q.reshape(len(self.model), -1).copy()
+        shifted = self._q.reshape(self._shape).copy()
         q = shifted - self._shift
-        q[_terminal(self.model)] = 0.0
-        visits = self._seen.tries.reshape(len(self.model), -1).copy()
+        q[self._terminal] = 0.0
+        visits = self._seen.tries.reshape(self._shape).copy()
         return Learned(q, shifted if self._levels is not None else None, visits=visits)
 
 
 def experience(model: HybridMDP, world: KernelWorld, shift: float) -> Experience:
-    """Counts of nothing seen yet; rewards shifted so that values are ``shift`` larger."""
+    """Counts of nothing seen yet; rewards shifted so that values are ``shift`` larger.
+
+    What is updated is the model's own or still to be made: each learner needs arrays of its own, see ``_nothing_seen``.
+    """
     grid, slip, table = world
     n_rows = len(model) * model.world.n_actions
     added = shift * (1 - model.gamma)
@@ -119,8 +142,16 @@ def experience(model: HybridMDP, world: KernelWorld, shift: float) -> Experience
     before_start, before = _before_any_change(model)
     return Experience(
         np.zeros(n_rows, np.uint32), np.zeros(n_outcomes if several else 1, np.uint32), reward, goal_reward,
-        np.zeros(1, np.uint32) if grid is None else model.grid.successor.flatten(), before_start, before, row_of,
+        np.zeros(1, np.uint32) if grid is None else model.grid.successor.ravel(), before_start, before, row_of,
     )  # fmt: skip
+
+
+def _nothing_seen(seen: Experience) -> Experience:
+    """The same with arrays of its own for what is updated."""
+    tries, counts = np.zeros(len(seen.tries), np.uint32), np.zeros(len(seen.counts), np.uint32)
+    return Experience(
+        tries, counts, seen.reward, seen.goal_reward, seen.leads_to.copy(), seen.before_start, seen.before, seen.row_of
+    )
 
 
 def _targets(successor: NDArray[np.uint32], slips: bool) -> NDArray[np.uint32]:
@@ -175,6 +206,7 @@ def _heap(n_states: int, settings: LearnSettings) -> sweeping.Heap:
 
 
 def _levels(model: HybridMDP, settings: LearnSettings, shift: float) -> replay.Levels:
+    """The level in which nothing waits yet; each learner needs arrays of its own, see ``_nothing_waits``."""
     n_states, n_regions = len(model), len(model.region_names)
     promise, best_step = _promises(model, shift)
     notes, budget = np.zeros(replay.NOTES, np.int64), np.zeros(replay.BUDGET)
@@ -187,6 +219,20 @@ def _levels(model: HybridMDP, settings: LearnSettings, shift: float) -> replay.L
         np.zeros(n_states, np.uint32), np.zeros(n_states, np.uint32), np.zeros(n_states, np.uint32),
         np.zeros(model.world.n_actions**2, np.int64), notes, budget,
         promise, best_step, settings.tries, settings.planning_steps,
+    )  # fmt: skip
+
+
+def _nothing_waits(levels: replay.Levels) -> replay.Levels:
+    """The same with arrays of its own for what is updated: rows of few blocks, which are quicker to make."""
+    n_states, n_regions = len(levels.waits), len(levels.due)
+    ring, queue, parent, path = np.zeros((4, n_states), np.uint32)
+    since, mark = np.zeros((2, n_states), np.int64)
+    head, length = np.zeros((2, n_regions), np.int64)
+    return replay.Levels(
+        levels.region_of, levels.landmark_of, levels.relevant, ring, levels.ring_start, head, length,
+        np.zeros(n_states, np.bool_), np.zeros(n_regions), since, mark, queue, parent, path,
+        np.zeros(len(levels.undoes), np.int64), levels.notes.copy(), levels.budget.copy(),
+        levels.promise, levels.best_step, levels.tries, levels.steps,
     )  # fmt: skip
 
 

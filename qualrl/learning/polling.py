@@ -12,33 +12,12 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels.tasks import NONE
+from qualrl.kernels import polling as kernel
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.models.landmark_ways import LandmarkWays, likely_targets, terminal_states
 
 Floats = NDArray[np.float64]
-TIE = 1e-9
 Running = TypeVar("Running")
-
-
-def of_options(ways: LandmarkWays, first: NDArray[np.int64], values: Floats, policy: NDArray[np.uint8]) -> Floats:
-    """When the move of each top choice is given: policy (W,)."""
-    polled = _nothing(ways)
-    state = np.repeat(np.arange(len(first) - 1), np.diff(first))
-    may = policy != NONE
-    np.maximum.at(polled, (state[may], policy[may]), values[may])
-    return polled
-
-
-def of_blocks(ways: LandmarkWays, first: NDArray[np.int64], values: Floats) -> Floats:
-    """When each option makes the best move of its block."""
-    polled, n_actions = _nothing(ways), ways.n_actions
-    for kind, k in enumerate(np.diff(ways.option_start).tolist()):
-        states = _open_states(ways, kind)
-        top, block = _rows(first, values, states, k, n_actions)
-        move = np.concatenate([block.argmax(axis=2), np.tile(np.arange(n_actions), (len(states), 1))], axis=1)
-        np.maximum.at(polled, (states[:, None], move), top)
-    return polled
 
 
 def of_winners(ways: LandmarkWays, first: NDArray[np.int64], values: Floats) -> Floats:
@@ -70,18 +49,13 @@ def keep_to_choices(
     if model.start is None:
         return polled
     likely, terminal = likely_targets(model), terminal_states(model)
-    state, running, seen, value = model.start, None, set[int](), 0.0
-    while not terminal[state] and state not in seen:
-        seen.add(state)
+    state, running, way = model.start, None, dict[int, tuple[int, bool]]()
+    while not terminal[state] and state not in way:
         running, move, fresh = step(state, running)
-        value = float(polled[state, move]) if polled[state, move] > -np.inf else value
-        if not fresh:
-            polled[state] = -np.inf
-            polled[state, move] = value
-        as_good = polled[state] >= value - TIE * abs(value)
-        as_good[move] = False
-        polled[state, as_good] = value - TIE * abs(value)
+        way[state] = move, fresh
         state = int(likely[state, move])
+    made = np.array(list(way.values()), np.int64).reshape(-1, 2)
+    kernel.keep_way(np.array(list(way), np.int64), made[:, 0], made[:, 1], polled)
     return polled
 
 

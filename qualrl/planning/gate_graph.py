@@ -17,31 +17,16 @@ a staircase.  Between any two of these the straight steps lead over that side an
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels import routing
-from qualrl.planning.gates import apart
-from qualrl.spatial.occupancy_grid import Cell
 
 LONGER = 3
 """By how many hundredths a way may be longer than the shortest."""
 
 Ints = NDArray[np.int32]
-
-
-@dataclass(frozen=True, eq=False)
-class End:
-    """Where a way begins or ends."""
-
-    cell: Cell
-    region: int
-    middle: Ints
-    """(K,) steps between it and the middle of each gate of its region without leaving that; -1 where no way leads."""
-    nearest: Ints
-    """(K,) the same for the nearest of each gate's cells."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,31 +41,14 @@ class GateGraph:
     least: Ints
     """From any cell of each gate to any of each of these.  From a gate to itself: 0, or -1 where no way needs that."""
 
-    def on_the_way(self, start: End, goal: End, most: int, exact: bool) -> tuple[Ints, int]:
-        """The regions to look for a way in, one maybe more than once, and how many steps it takes at most.
+    def on_the_way(
+        self, start: routing.End, goal: routing.End, most: int, exact: bool
+    ) -> tuple[NDArray[np.bool_], int]:
+        """(R,) the regions to look for a way in, and how many steps it takes at most.
 
         most: steps of a way that is known already.  exact: for the shortest way, not for one at most 3 % longer.
         """
-        beyond = apart(self.boxes, np.repeat(goal.cell, 2)[:, None])
-        most, last, _, before = self._search(
-            self.steps, (start.region, start.middle), (goal.region, goal.middle), beyond, most
+        wanted, most = routing.on_the_way(
+            self.gates, self.boxes, self.steps, self.least, start, goal, most, 0 if exact else LONGER
         )
-        by = []
-        while last >= 0:
-            by.append(last)
-            last = before[last]
-        limit = most if exact else -(-100 * most // (100 + LONGER))
-        away = self._search(self.least, (start.region, start.nearest), None, beyond, limit)[2]
-        back = self._search(self.least, (goal.region, goal.nearest), None, away[self.gates.partner] + 1, limit)[2]
-        through = np.concatenate([np.array(by, np.int64), np.flatnonzero(back < limit)])
-        return self.gates.region[np.concatenate([through, self.gates.partner[through]])], most
-
-    def _search(
-        self, steps: Ints, start: tuple[int, Ints], goal: tuple[int, Ints] | None, beyond: NDArray[Any], most: int
-    ) -> tuple[int, int, NDArray[np.int64], Ints]:
-        """See ``routing.over_gates``.  Without a goal: to all gates."""
-        region, arrive = (-1, np.zeros(0, np.int32)) if goal is None else goal
-        best, last, away, before = routing.over_gates(
-            self.gates, steps, *start, region, arrive, beyond.astype(np.int32), most
-        )
-        return int(best), int(last), away, before
+        return wanted, int(most)

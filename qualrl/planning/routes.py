@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from qualrl.errors import NoPlanError
 from qualrl.kernels import routing
-from qualrl.planning.gate_graph import End, GateGraph
+from qualrl.planning.gate_graph import GateGraph
 from qualrl.planning.gates import apart, boxes_of, gates_of, straight
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.place import PlaceLike, read_place, resolve_cell
@@ -153,11 +153,10 @@ class Routes:
             base = self._walk(allowed, MOST, [self._flat(target)], [self._flat(source)])
             direct = int(self._seen[self._flat(source)]) - base
             most = direct if direct >= 0 else MOST
-        first = End(source, start, *self._to_gates(start, [self._flat(source)]))
-        last = End(target, goal, *self._to_gates(goal, [self._flat(target)]))
-        regions, most = self.graph.on_the_way(first, last, most, exact)
-        allowed[regions] = True
-        return allowed, most
+        first = routing.End(*source, start, *self._to_gates(start, [self._flat(source)]))
+        last = routing.End(*target, goal, *self._to_gates(goal, [self._flat(target)]))
+        wanted, most = self.graph.on_the_way(first, last, most, exact)
+        return allowed | wanted, most
 
     def _described(self, path: Ints) -> Route:
         label = self._label[path[:, 0], path[:, 1]]
