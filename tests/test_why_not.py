@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 import qualrl
 from qualrl.answers.stops import states_at, way_by
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError
+from qualrl.qualitative.graph import crossings_of
 from qualrl.qualitative.plan_value import Course, Stretch, contrast, course_of
 from qualrl.solving.exact import exact_values
 from tests.certificates import check_signs
@@ -48,6 +49,52 @@ def values_by(model, stop):
                 paid = np.broadcast_to(world.move_reward, ends.shape)
             layers[layer] = ((paid + world.gamma * after) @ chance.T).max(axis=1)
     return np.where(np.isin(np.arange(len(world)), stop), layers[1], layers[0])
+
+
+def values_through(model, door):
+    """(S,) values of the best way to the goal that makes a step through a doorway first."""
+    world = model.grid
+    chance = np.full((world.n_actions, world.n_actions), world.slip / (world.n_actions - 1))
+    np.fill_diagonal(chance, 1 - world.slip)
+    ends, own = world.successor.astype(int), np.arange(len(world))[:, None]
+    sides = {frozenset(int(world.state_of[cell]) for cell in ends) for ends in crossings_of(model.regions, door)}
+    passes = np.array([[frozenset((s, int(t))) in sides for t in row] for s, row in enumerate(ends)])
+    at_goal = ends == world.goal
+    paid = np.where(at_goal, world.goal_reward, world.move_reward)
+    done, still = np.zeros(len(world)), np.full(len(world), -1 / (1 - world.gamma))
+    for _ in range(600):
+        done = ((paid + world.gamma * np.where(at_goal, 0.0, done[ends])) @ chance.T).max(axis=1)
+    for _ in range(600):
+        through = paid + world.gamma * np.where(at_goal, 0.0, done[ends])
+        before = world.move_reward + world.gamma * still[np.where(at_goal, own, ends)]
+        still = (np.where(passes, through, before) @ chance.T).max(axis=1)
+        still[world.goal] = -1 / (1 - world.gamma)
+    return still
+
+
+LOOP_REGIONS = qualrl.segment(grid_of(LOOP))
+LOOP_CELLS = [tuple(cell) for cell in np.argwhere(LOOP_REGIONS.grid.free).tolist()]
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.sampled_from(LOOP_CELLS), st.sampled_from(LOOP_CELLS), st.sampled_from(LOOP_REGIONS.doorways),
+    st.sampled_from([0.0, 0.2]),
+)  # fmt: skip
+def test_a_doorway_is_passed_by_a_step_through_it(start, goal, door, slip):
+    assume(start != goal)
+    model = qualrl.build(LOOP_REGIONS, list(goal), start=list(start), gamma=0.9, slip=slip)
+    exact, expected = exact_values(model.world), values_through(model, door)
+    try:
+        found = way_by(model, exact, model.start, [door.name])
+    except NoPlanError:
+        assert expected[model.start] == pytest.approx(-10, abs=1e-6)
+        return
+    assert found.shifted - exact.shift == pytest.approx(expected[model.start], abs=1e-6)
+    first, second = (tuple(model.grid.cells[state].tolist()) for state in found.parts[0][-2:])
+    assert frozenset((first, second)) in {frozenset(ends) for ends in crossings_of(LOOP_REGIONS, door)}
+    answer = qualrl.questions.why_not(model, door.name)
+    assert door.name in answer.by.doors or len(found.parts[1]) < 5  # there and back at once is no leg
 
 
 def model_of(data, directions=4, slip=0.0):

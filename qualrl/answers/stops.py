@@ -1,7 +1,9 @@
 """The best way to the goal that passes given places first, one after the other.
 
 S states, A actions.  It is solved from the end: what lies behind a stop is what the states of the stop are worth on
-the way to it; the goal, which would end the way too early, is a wall until then.
+the way to it; the goal, which would end the way too early, is a wall until then.  A region or a landmark is passed
+where one of its cells is entered; a doorway, where a step is made through it: such steps lead to states of their own,
+S and on, which are worth what lies behind.
 """
 
 from collections.abc import Sequence
@@ -16,7 +18,6 @@ from qualrl.kernels.grid import breadth_first
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.planner import exact_walk
-from qualrl.qualitative.graph import crossings_of
 from qualrl.solving.exact import ExactValues, settle_outward
 from qualrl.spatial.region_map import RegionMap
 
@@ -36,74 +37,95 @@ class StoppingWay:
         return self.parts[0] + tuple(state for part in self.parts[1:] for state in part[1:])
 
 
+@dataclass(frozen=True, eq=False)
+class _Stop:
+    """What must be entered, or which steps made."""
+
+    name: str
+    states: NDArray[np.int64]
+    """(N,) to enter one of them; of a doorway, those in front of it."""
+    moves: NDArray[np.int64] | None
+    """(N,) of a doorway, the move from each of them that leads through it."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Layer:
+    """The way to a stop."""
+
+    name: str
+    slope: Slope
+    passed: NDArray[np.bool_]
+    """(S + M,) where the stop is passed."""
+    beyond: NDArray[np.int64]
+    """(M,) where the steps through a doorway lead."""
+
+    def walk(self, start: int) -> tuple[int, ...]:
+        """States from a start to the first one where the stop is passed."""
+        walk = self.slope.walk(start, self.passed)
+        if walk[-1] >= len(self.slope.world):
+            walk[-1] = int(self.beyond[walk[-1] - len(self.slope.world)])
+        return tuple(walk)
+
+
 def way_by(model: HybridMDP, exact: ExactValues, start: int, stops: Sequence[str]) -> StoppingWay:
     """The best way from a state to the goal by the stops (regions, doorways or landmarks), in their order.
 
     Raises UnknownNameError for a stop that is not on the map and NoPlanError where no way leads by it.
     """
-    world = model.grid
-    before_goal = _without_goal(world)
-    places = _places(model, stops)
-    values = _values(world, before_goal, exact, places)
+    layers = _layers(model, exact, stops)
     parts, here = list[tuple[int, ...]](), start
-    for (name, stop), ahead in zip(places, values, strict=False):
-        if not np.isfinite(ahead[here]):
-            raise NoPlanError(f"no way leads from {model.describe(here)} to {name} without passing the goal first")
-        slope = Slope(world, before_goal, ahead, exact.shift, has_goal=False)
-        parts.append(tuple(slope.walk(here, _is_in(world, stop))))
+    for layer in layers:
+        if not np.isfinite(layer.slope.shifted[here]):
+            through = f"{model.describe(here)} to {layer.name}"
+            raise NoPlanError(f"no way leads from {through} and on to the goal without passing the goal first")
+        parts.append(layer.walk(here))
         here = parts[-1][-1]
     parts.append(tuple(exact_walk(model, exact, here)))
-    return StoppingWay(tuple(parts), float(values[0][start]))
+    return StoppingWay(tuple(parts), float(layers[0].slope.shifted[start] if layers else exact.shifted[start]))
 
 
 def worth_by(model: HybridMDP, exact: ExactValues, start: int, stops: Sequence[str]) -> float:
     """What that way is worth, shifted as exact values are."""
-    return float(_values(model.grid, _without_goal(model.grid), exact, _places(model, stops))[0][start])
+    layers = _layers(model, exact, stops)
+    return float(layers[0].slope.shifted[start] if layers else exact.shifted[start])
 
 
-def _places(model: HybridMDP, stops: Sequence[str]) -> list[tuple[str, NDArray[np.int64]]]:
-    """Each stop and its states; those that are the goal alone are left out."""
-    found = [(stop, states_at(model, stop)) for stop in stops]
-    return [(stop, states) for stop, states in found if len(states)]
+def _layers(model: HybridMDP, exact: ExactValues, stops: Sequence[str]) -> list[_Layer]:
+    """The way to each stop, in their order; a stop that is the goal alone is left out."""
+    found = [stop for name in stops if len((stop := _stop(model, name)).states)]
+    layers, behind = list[_Layer](), exact.shifted
+    for stop in reversed(found):
+        layers.append(_layer(model.grid, stop, behind, exact.shift))
+        behind = layers[-1].slope.shifted[: len(model)]
+    return layers[::-1]
 
 
-def _values(
-    world: GridWorld, before_goal: NDArray[np.uint32], exact: ExactValues, places: list[tuple[str, NDArray[np.int64]]]
-) -> list[NDArray[np.float64]]:
-    """Shifted values (S,) on the way to each place, and after the last of them."""
-    values = [exact.shifted]
-    for name, states in reversed(places):
-        values.append(_values_to(world, before_goal, states, values[-1], exact.shift, name))
-    return values[::-1]
+def _stop(model: HybridMDP, name: str) -> _Stop:
+    assert model.regions is not None
+    if name not in (door.name for door in model.regions.doorways):
+        return _Stop(name, states_at(model, name), None)
+    opened, shut = model.grid.successor, model.with_closed([name]).grid.successor
+    states, moves = np.nonzero((opened != shut) & (np.arange(len(model)) != model.grid.goal)[:, None])
+    return _Stop(name, states, moves)
 
 
 def states_at(model: HybridMDP, name: str) -> NDArray[np.int64]:
-    """The states of a region, of a doorway (both sides), or of a landmark; not the goal, where every way ends."""
+    """The states of a region or of a landmark; not the goal, where every way ends."""
     regions, world = model.regions, model.grid
     assert regions is not None
     if name in regions.region_names:
         found = np.flatnonzero(model.region_of == regions.region_names.index(name))
     else:
-        found = np.array(sorted({int(world.state_of[cell]) for cell in _cells(regions, name)}), np.int64)
+        found = np.array([int(world.state_of[_landmark(regions, name)])], np.int64)
     states: NDArray[np.int64] = found[found != world.goal]
     return states
 
 
-def _cells(regions: RegionMap, name: str) -> list[tuple[int, int]]:
-    for door in regions.doorways:
-        if door.name == name:
-            return [cell for crossing in crossings_of(regions, door) for cell in crossing]
+def _landmark(regions: RegionMap, name: str) -> tuple[int, int]:
     for mark in regions.landmarks:
         if mark.name == name:
-            return [mark.cell]
+            return mark.cell
     raise UnknownNameError(regions.why_not(name, "no place", regions.all_names))
-
-
-def _is_in(world: GridWorld, states: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(S,) whether a state is one of some."""
-    found = np.zeros(len(world), np.bool_)
-    found[states] = True
-    return found
 
 
 def _without_goal(world: GridWorld) -> NDArray[np.uint32]:
@@ -112,21 +134,31 @@ def _without_goal(world: GridWorld) -> NDArray[np.uint32]:
     return np.where(world.successor == world.goal, own, world.successor)
 
 
-def _values_to(
-    world: GridWorld, successor: NDArray[np.uint32], stop: NDArray[np.int64], behind: NDArray[np.float64],
-    shift: float, name: str,
-) -> NDArray[np.float64]:  # fmt: skip
-    """(S,) shifted values of all states on the way to a stop; -inf where no way leads to it."""
-    open_stop = stop[np.isfinite(behind[stop]) & (world.steps_to_goal[stop] >= 0)]
-    if not len(open_stop):
-        raise NoPlanError(f"no way leads from {name} to the goal")
-    order, steps = breadth_first(successor, open_stop)
-    value = np.full(len(world), -np.inf)
-    value[open_stop] = behind[open_stop]
-    rest = order[len(open_stop) :]
-    value[rest] = 0.0
-    settle_outward(
-        successor, rest, steps[rest], world.move_reward + shift * (1 - world.gamma), -1, 0.0, world.gamma, world.slip,
-        value,
-    )  # fmt: skip
-    return value
+def _layer(world: GridWorld, stop: _Stop, behind: NDArray[np.float64], shift: float) -> _Layer:
+    """Shifted values of all states on the way to a stop; -inf where no way leads to it."""
+    reward = world.move_reward + shift * (1 - world.gamma)
+    successor = _without_goal(world)
+    states, moves = stop.states, stop.moves
+    ahead = states if moves is None else world.successor[states, moves].astype(np.int64)
+    open_ahead = np.isfinite(behind[ahead]) & (world.steps_to_goal[ahead] >= 0)
+    states, ahead = states[open_ahead], ahead[open_ahead]
+    if not len(states):
+        raise NoPlanError(f"no way leads from {stop.name} to the goal")
+    if moves is None:
+        order, steps = breadth_first(successor, states)
+        order, beyond, behind_it = order[len(states) :], np.empty(0, np.int64), np.empty(0)
+    else:
+        moves = moves[open_ahead]
+        at_goal = ahead == world.goal
+        behind_it = np.where(at_goal, (world.goal_reward + shift - reward[moves]) / (world.gamma or 1.0), behind[ahead])
+        successor[states, moves] = states
+        order, steps = breadth_first(successor, np.unique(states))
+        successor[states, moves] = len(world) + np.arange(len(states), dtype=np.uint32)
+        beyond = ahead
+    value = np.concatenate([np.full(len(world), -np.inf), behind_it])
+    passed = np.arange(len(value)) >= len(world)
+    if moves is None:
+        value[states], passed[states] = behind[states], True
+    value[order] = 0.0
+    settle_outward(successor, order, steps[order], reward, -1, 0.0, world.gamma, world.slip, value)
+    return _Layer(stop.name, Slope(world, successor, value, shift, has_goal=False), passed, beyond)
