@@ -22,6 +22,7 @@ from tests.certificates import check_signs
 from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
 from tests.test_planning import LOOP
+from tests.test_reconcile import THREE_ROOMS
 from tests.worlds import grid_of, part_around
 
 REWARDS = st.sampled_from([-3.0, -1.0, -0.5, 0.1, 2.0])
@@ -108,10 +109,12 @@ def model_of(data, directions=4, slip=0.0):
     assume(len(cells) > 2)
     start, goal, mark = data.draw(st.permutations(cells))[:3]
     regions = qualrl.segment(qualrl.OccupancyGrid.from_free(free))
-    return qualrl.build(
+    model = qualrl.build(
         regions, list(goal), start=list(start), gamma=0.9, slip=slip, directions=directions,
         landmarks={"mark": list(mark)},
     )  # fmt: skip
+    assume(all(door.name != "mark" for door in model.regions.doorways))  # a doorway is passed by steps, not cells
+    return model
 
 
 @settings(deadline=None, max_examples=60)
@@ -205,6 +208,22 @@ def loop():
     return qualrl.build(qualrl.segment(grid_of(LOOP)), [2, 24], start=[2, 2], gamma=0.95)
 
 
+def doors_of(way):
+    """The doorways and the goal of a way in JSON, each with where it lies."""
+    return ", ".join(f"{name} {turn}" for name, turn in zip([*way["doors"], "the goal"], way["turns"], strict=True))
+
+
+def test_a_way_tells_where_to_turn():
+    """Down to the corridor, along it to the left as one comes out, and up; by the middle room: in and back out."""
+    regions = qualrl.segment(grid_of(THREE_ROOMS))
+    model = qualrl.build(regions, [2, 18], start=[2, 3], gamma=0.97)
+    answer = qualrl.questions.why_not(model, regions.region_names[regions.label[2, 10]])
+    assert answer.best.turns == ("to the south", "to the left", "straight ahead")
+    assert answer.by.turns == ("to the south", "to the left", "behind you", "to the left", "straight ahead")
+    first, second = answer.best.doors
+    assert f"by {first} to the south, {second} to the left, the goal straight ahead)" in answer.explain("names")
+
+
 def test_the_answer_holds_every_number_that_it_says(loop):
     stop = next(name for name in loop.region_names if name not in qualrl.plan(loop).places)
     answer = qualrl.questions.why_not(loop, stop)
@@ -215,8 +234,8 @@ def test_the_answer_holds_every_number_that_it_says(loop):
     said = " ".join(document["sentences"])
     assert document["costs"] == best["value"] - by["value"]
     for number in (
-        f"({best['steps']} steps, {best['length_m']:.2f} m by {', '.join(best['doors'])}), worth {best['value']:.6g}.",
-        f"({by['steps']} steps, {by['length_m']:.2f} m by {', '.join(by['doors'])}), worth {by['value']:.6g}.",
+        f"({best['steps']} steps, {best['length_m']:.2f} m by {doors_of(best)}), worth {best['value']:.6g}.",
+        f"({by['steps']} steps, {by['length_m']:.2f} m by {doors_of(by)}), worth {by['value']:.6g}.",
         f"costs {document['costs']:.3g} at gamma {document['gamma']:g}: {by['steps'] - best['steps']} steps more "
         f"and {by['length_m'] - best['length_m']:.2f} m more.",
     ):

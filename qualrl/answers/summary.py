@@ -18,6 +18,7 @@ from qualrl.errors import SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.choices import Chooser
 from qualrl.planning.exits import GOAL_HERE, NO_WAY, exits
+from qualrl.planning.on_the_way import compass
 from qualrl.planning.values import exact_plan_values
 from qualrl.solving.exact import exact_values
 from qualrl.spatial.occupancy_grid import Cell, OccupancyGrid
@@ -32,7 +33,6 @@ OFF_CENTRE = 0.25
 distance from there (root mean square)."""
 ROUNDING = 1e-9
 """Shifted values that differ by less than this share of them are alike."""
-SIDES = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
 
 
 @dataclass(frozen=True)
@@ -213,7 +213,7 @@ def _side(grid: OccupancyGrid, region: NDArray[np.int32], part: NDArray[np.int32
     east_m, north_m = x_m - from_x_m, y_m - from_y_m
     if math.hypot(east_m, north_m) < OFF_CENTRE * typical_m:
         return None
-    return SIDES[round(math.atan2(north_m, east_m) / (math.pi / 4)) % 8]
+    return compass(east_m, north_m)
 
 
 def _gap(model: HybridMDP, chooser: Chooser, region: int) -> Gap | None:

@@ -13,8 +13,11 @@ from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.crossings import door_taken
 from qualrl.planning.legs import legs_of
+from qualrl.planning.on_the_way import SIDES, Heading, compass, passages, turned
 from qualrl.planning.planner import length_m
 from qualrl.qualitative.plan_value import Course, course_of
+from qualrl.spatial.occupancy_grid import Cell
+from qualrl.spatial.region_map import RegionMap
 
 OFF, OFF_SLIPPING = 1e-12, 1e-9
 """Shares by which shifted values may be off: what is summed up along a way, and what settles where moves slip."""
@@ -58,6 +61,9 @@ class Way:
     places: tuple[str, ...]
     doors: tuple[str, ...]
     """The doorway taken between each two places."""
+    turns: tuple[str | None, ...]
+    """Where each of them lies, and last the goal: the first by the compass, the others against the heading there;
+    None where there is nothing to walk."""
     steps: int
     length_m: float
     worth: Worth
@@ -70,9 +76,11 @@ class Way:
 
     def in_words(self, depth: Depth) -> str:
         """Places, length and doorways."""
-        doors = f"by {', '.join(self.doors)}" if self.doors else ""
+        ends = zip((*self.doors, "the goal"), self.turns, strict=True)
+        *doors, goal = (f"{name} {turn}" if turn else name for name, turn in ends)
         length = depth.at_numbers(f"{self.steps} steps, {self.length_m:.2f} m")
-        told = " ".join(part for part in (length, doors) if part)
+        told = " ".join(part for part in (length, f"by {', '.join(doors)}" if doors else "") if part)
+        told = ", ".join(part for part in (told, goal if self.turns[-1] else "") if part)
         return " -> ".join(self.places) + (f" ({told})" if told else "")
 
     def with_worth(self, depth: Depth) -> str:
@@ -86,7 +94,8 @@ class Way:
     def to_dict(self) -> dict[str, Any]:
         """As JSON."""
         return {
-            "places": list(self.places), "doors": list(self.doors), "steps": self.steps, "length_m": self.length_m,
+            "places": list(self.places), "doors": list(self.doors), "turns": list(self.turns),
+            "steps": self.steps, "length_m": self.length_m,
             "value": self.value, "shifted": self.worth.shifted, "shift": self.worth.shift,
             "off": self.worth.off,
         }  # fmt: skip
@@ -105,7 +114,38 @@ def way_of(model: HybridMDP, parts: Sequence[Sequence[int]], shifted: float, shi
         doors += [door_taken(model, regions, part[leg.first - 1], part[leg.first]).name for leg in legs[1:]]
     far_m = sum(length_m(model, part) or 0.0 for part in parts)
     told = tuple(place for place, _ in groupby(places))
-    return Way(told, tuple(doors), sum(len(part) - 1 for part in parts), far_m, worth_of(model.grid, shifted, shift))
+    return Way(
+        told,
+        tuple(doors),
+        _turns(model, regions, parts),
+        sum(len(part) - 1 for part in parts),
+        far_m,
+        worth_of(model.grid, shifted, shift),
+    )
+
+
+def _turns(model: HybridMDP, regions: RegionMap, parts: Sequence[Sequence[int]]) -> tuple[str | None, ...]:
+    """See ``Way.turns``."""
+    found, turn, before = list[str | None](), None, None
+    for part in parts:
+        path: list[Cell] = [(row, column) for row, column in model.grid.cells[list(part)].tolist()]
+        for passage in passages(regions, path):
+            turn = None if passage.side is None else SIDES[passage.side]
+            if passage.entered_by is None and passage.steps:
+                turn = _first_turn(regions, path[0], path[passage.steps], before)
+            if passage.left_by is not None:
+                found.append(turn)
+        if len(path) > 1:
+            before = path[-1][0] - path[-2][0], path[-1][1] - path[-2][1]
+    return (*found, turn)
+
+
+def _first_turn(regions: RegionMap, here: Cell, there: Cell, before: Heading | None) -> str:
+    """Where a cell lies: by the compass, or against the heading that one comes with."""
+    if before is not None:
+        return SIDES[turned(before, (there[0] - here[0], there[1] - here[1]))]
+    (x_m, y_m), (to_x_m, to_y_m) = (regions.grid.to_world(*cell) for cell in (here, there))
+    return f"to the {compass(to_x_m - x_m, to_y_m - y_m)}"
 
 
 def course(model: HybridMDP, walk: Sequence[int]) -> Course:

@@ -3,6 +3,7 @@
 A heading is (rows down, columns to the right).  Left and right are the same however the map is turned.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,6 +20,8 @@ REACH_M = 1.0
 
 SIDES = {"straight": "straight ahead", "left": "to the left", "right": "to the right", "back": "behind you"}
 """Sides in words."""
+
+COMPASS = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
 
 Heading = tuple[int, int]
 
@@ -79,6 +82,11 @@ def turned(before: Heading, after: Heading) -> str:
     if abs(across) <= abs(along):
         return "straight" if along > 0 else "back"
     return "left" if across > 0 else "right"
+
+
+def compass(east_m: float, north_m: float) -> str:
+    """The nearest of eight directions on the map."""
+    return COMPASS[round(math.atan2(north_m, east_m) / (math.pi / 4)) % 8]
 
 
 def passages(regions: RegionMap, path: Sequence[Cell]) -> tuple[Passage, ...]:
