@@ -140,7 +140,10 @@ def test_why_not(ends, motion, via):
     if document["contrast"] is None:
         assert "undecided" in signs
     else:
-        check_verdicts(signs.splitlines()[-1], document["contrast"], "the best way", f"the way by {via}")
+        (verdict,) = [line for line in signs.splitlines() if line.startswith("Of these two ways")]
+        check_verdicts(verdict, document["contrast"], "the best way", f"the way by {via}")
+        seldom = [of["door"] for of in document["rather"] if costs and of["below"] is not None]
+        assert re.findall(r"if (.*) were open seldom enough", signs) == seldom
 
 
 @settings(deadline=None, max_examples=30)

@@ -208,6 +208,42 @@ def loop():
     return qualrl.build(qualrl.segment(grid_of(LOOP)), [2, 24], start=[2, 2], gamma=0.95)
 
 
+@settings(deadline=None, max_examples=25)
+@given(st.sampled_from(LOOP_CELLS), st.sampled_from(LOOP_CELLS), st.sampled_from(LOOP_REGIONS.region_names))
+def test_how_seldom_a_doorway_must_be_open_for_the_way_by_a_stop(start, goal, stop):
+    assume(start != goal)
+    model = qualrl.build(LOOP_REGIONS, list(goal), start=list(start), gamma=0.95)
+    try:
+        answer = qualrl.questions.why_not(model, stop)
+    except NoPlanError:
+        return
+    assert {of.door for of in answer.rather} == set(answer.best.doors) - set(answer.by.doors)
+    graph = nx.from_edgelist((s, int(t)) for s in range(len(model)) for t in model.grid.successor[s])
+    onward = nx.single_source_shortest_path_length(graph, model.grid.goal)
+
+    def value(steps):
+        return 120 * 0.95 ** (steps - 1) - 20
+
+    for of in answer.rather:
+        shut = nx.from_edgelist(
+            (s, int(t)) for s in range(len(model)) for t in model.with_closed([of.door]).grid.successor[s]
+        )
+        there, back = (nx.single_source_shortest_path_length(shut, at) for at in (model.start, model.grid.goal))
+        seen_shut = {
+            there[here] + back[here]
+            for here, to in set(graph.to_directed().edges) - set(shut.to_directed().edges)
+            if here in there and there[here] + 1 + onward[to] == answer.best.steps
+        }
+        assert of.break_even.closed.steps in seen_shut
+        best, closed, by = (value(n) for n in (answer.best.steps, of.break_even.closed.steps, answer.by.steps))
+        if of.below is None:
+            assert closed >= by - 1e-9
+            continue
+        assert of.below == pytest.approx((by - closed) / (best - closed), abs=1e-9)
+        if not answer.is_by_itself:
+            assert f"if {of.door} were open with a probability below {of.below:.4g} at gamma 0.95" in answer.explain()
+
+
 def doors_of(way):
     """The doorways and the goal of a way in JSON, each with where it lies."""
     return ", ".join(f"{name} {turn}" for name, turn in zip([*way["doors"], "the goal"], way["turns"], strict=True))

@@ -2,18 +2,55 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from qualrl.answers.answer import Answer
 from qualrl.answers.depth import Depth
 from qualrl.answers.over_gamma import UNDECIDED, OverGamma, Span, over_gamma
 from qualrl.answers.stops import way_by, worth_by
+from qualrl.answers.trying import Trying, trying
 from qualrl.answers.ways import Way, course, longer, way_of
 from qualrl.errors import SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.planner import exact_walk
+from qualrl.qualitative.break_even import BreakEven
 from qualrl.qualitative.plan_value import Contrast, contrast
 from qualrl.solving.exact import exact_values
+
+
+@dataclass(frozen=True)
+class Rather:
+    """How likely a doorway of the best way must be open for that to be worth as much as the way by the stops."""
+
+    door: str
+    gamma: float
+    break_even: BreakEven
+    """Of the best way with the doorway open; of going there, finding it shut and going on; of the way by the stops."""
+
+    @property
+    def below(self) -> float | None:
+        """The way by the stops is worth more where the doorway is open with a smaller probability; None for never."""
+        at = self.break_even.at(self.gamma)
+        return at if at is not None and at > 0 else None
+
+    def in_words(self, stops: str, depth: Depth) -> str:
+        """As a line of the answer."""
+        if self.below is None:
+            return f"Even if {self.door} were never open, going there first would not be worth less."
+        limit = self.break_even.limit
+        tends = "" if limit is None else f" (as gamma tends to 1: {float(limit):.4g})"
+        seldom = f"with a probability below {self.below:.4g} at gamma {self.gamma:g}{tends}"
+        seldom = depth.at_numbers(seldom, "seldom enough")
+        return f"The way by {stops} would be worth more if {self.door} were open {seldom}."
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON."""
+        limit = self.break_even.limit
+        return {
+            "door": self.door, "below": self.below, "limit": None if limit is None else str(limit),
+            "formula": str(self.break_even.formula()),
+        }  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -28,6 +65,8 @@ class WhyNot(Answer):
     by: Way
     contrast: Contrast | None
     """Of the best way and the one by the stops, for every gamma; None where moves slip, and values are no formula."""
+    rather: tuple[Rather, ...] = ()
+    """Of each doorway that the best way passes and the other does not; () where moves slip."""
     over_gamma: OverGamma | None = None
     """The same for a range of gammas, where moves slip; None unless asked for."""
 
@@ -57,6 +96,8 @@ class WhyNot(Answer):
         if self.contrast is not None:
             words = self.contrast.in_words("the best way", f"the way by {stops}", depth == Depth.NUMBERS)
             yield f"Of these two ways, {words}."
+            if not self.is_by_itself:
+                yield from (of.in_words(stops, depth) for of in self.rather)
         elif self.over_gamma is not None:
             words = self.over_gamma.in_words("the best of all", f"the best by {stops}", depth)
             yield f"Of the best ways at each gamma, {words}."
@@ -69,6 +110,7 @@ class WhyNot(Answer):
             "question": "why-not", "from": self.start, "to": self.goal, "via": list(self.stops), "gamma": self.gamma,
             "best": self.best.to_dict(), "by": self.by.to_dict(), "costs": self.costs,
             "contrast": None if self.contrast is None else self.contrast.to_dict("best", "by"),
+            "rather": [of.to_dict() for of in self.rather],
             "over_gamma": None if self.over_gamma is None else self.over_gamma.to_dict("best", "by"),
         }  # fmt: skip
 
@@ -88,13 +130,25 @@ def why_not(
     exact = exact_values(model.world)
     best = exact_walk(model, exact, start)
     by = way_by(model, exact, start, stops)
-    compared = None
+    way = way_of(model, [best], exact.shifted[start], exact.shift)
+    other = way_of(model, by.parts, by.shifted, exact.shift)
+    compared, rather = None, list[Rather]()
     if model.grid.slip == 0:
         compared = contrast(course(model, best), course(model, by.walk))
+        rather = [Rather(of.door, of.gamma, of.break_even) for of in _tried(model, best, by.walk, way, other)]
     ranged = None
     if gammas is not None:
         ranged = over_gamma(model, gammas, lambda at, of: (float(of.shifted[start]), worth_by(at, of, start, stops)))
     return WhyNot(
-        names[0], names[1], tuple(stops), model.gamma, way_of(model, [best], exact.shifted[start], exact.shift),
-        way_of(model, by.parts, by.shifted, exact.shift), compared, ranged,
+        *names, tuple(stops), model.gamma, way, other, compared, tuple(rather), ranged
     )  # fmt: skip
+
+
+def _tried(model: HybridMDP, best: Sequence[int], by: Sequence[int], way: Way, other: Way) -> Iterator[Trying]:
+    """The best way if a doorway that the other one does not pass may be shut, of each in turn."""
+    for door in dict.fromkeys(way.doors):
+        shut = model.with_closed([door])
+        if door not in other.doors and all(to in shut.grid.successor[at] for at, to in pairwise(by)):
+            found = trying(model, shut, best, by, exact_values(shut.world), None)
+            if found is not None:
+                yield found
