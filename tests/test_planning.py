@@ -300,6 +300,13 @@ def test_a_plan_tells_where_to_turn_and_a_mirror_swaps_left_and_right(start, goa
     path = [(row, width - 1 - column) for row, column in plan.path]
     told = [of.side for of in passages(mirrored, path)]
     assert told == [swap[step.side] for step in plan.steps]
+    (row, column), (to_row, to_column) = plan.path[0], plan.path[plan.steps[0].steps]
+    angle = math.degrees(math.atan2(row - to_row, to_column - column))
+    middles = {"east": 0, "north-east": 45, "north": 90, "north-west": 135, "west": 180, "south-west": -135,
+               "south": -90, "south-east": -45}  # fmt: skip
+    assert abs((angle - middles[plan.steps[0].compass] + 180) % 360 - 180) <= 22.5
+    assert f"to the {plan.steps[0].compass}, " in plan.explain().splitlines()[1]
+    assert all(step.compass is None for step in plan.steps[1:])
 
 
 @pytest.mark.parametrize("directions", [4, 8])

@@ -13,7 +13,7 @@ from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.crossings import door_taken
 from qualrl.planning.legs import legs_of
-from qualrl.planning.on_the_way import SIDES, Heading, compass, passages, turned
+from qualrl.planning.on_the_way import SIDES, Heading, passages, turned
 from qualrl.planning.planner import length_m
 from qualrl.qualitative.plan_value import Course, course_of
 from qualrl.spatial.occupancy_grid import Cell
@@ -126,26 +126,21 @@ def way_of(model: HybridMDP, parts: Sequence[Sequence[int]], shifted: float, shi
 
 def _turns(model: HybridMDP, regions: RegionMap, parts: Sequence[Sequence[int]]) -> tuple[str | None, ...]:
     """See ``Way.turns``."""
-    found, turn, before = list[str | None](), None, None
+    found, turn = list[str | None](), None
+    before: Heading | None = None
     for part in parts:
         path: list[Cell] = [(row, column) for row, column in model.grid.cells[list(part)].tolist()]
         for passage in passages(regions, path):
             turn = None if passage.side is None else SIDES[passage.side]
-            if passage.entered_by is None and passage.steps:
-                turn = _first_turn(regions, path[0], path[passage.steps], before)
+            if passage.compass is not None:
+                (row, column), (to_row, to_column) = path[0], path[passage.steps]
+                turn = f"to the {passage.compass}"
+                turn = SIDES[turned(before, (to_row - row, to_column - column))] if before else turn
             if passage.left_by is not None:
                 found.append(turn)
         if len(path) > 1:
             before = path[-1][0] - path[-2][0], path[-1][1] - path[-2][1]
     return (*found, turn)
-
-
-def _first_turn(regions: RegionMap, here: Cell, there: Cell, before: Heading | None) -> str:
-    """Where a cell lies: by the compass, or against the heading that one comes with."""
-    if before is not None:
-        return SIDES[turned(before, (there[0] - here[0], there[1] - here[1]))]
-    (x_m, y_m), (to_x_m, to_y_m) = (regions.grid.to_world(*cell) for cell in (here, there))
-    return f"to the {compass(to_x_m - x_m, to_y_m - y_m)}"
 
 
 def course(model: HybridMDP, walk: Sequence[int]) -> Course:

@@ -40,6 +40,8 @@ class Passage:
     "straight" or "back"; None where the route starts, and where the two are one cell."""
     turn: str | None
     """The heading out against the heading in, in the same words; None where the route starts or ends."""
+    compass: str | None
+    """Where the route starts: in which of eight directions on the map the way out (or the goal) lies; else None."""
     steps: int
     """From its first cell to the first one of the next region; to its last one where the route ends."""
 
@@ -95,10 +97,9 @@ def passages(regions: RegionMap, path: Sequence[Cell]) -> tuple[Passage, ...]:
     ways = [None, *(_crossing(regions, path[leg.last], path[leg.last + 1]) for leg in legs[:-1]), None]
     return tuple(
         _passage(
+            regions,
             regions.region_names[leg.region],
-            path[leg.first],
-            path[leg.last],
-            leg.last - leg.first + (out is not None),
+            path[leg.first : leg.last + 1 + (out is not None)],
             ways[at],
             out,
         )
@@ -138,10 +139,18 @@ def _crossing(regions: RegionMap, here: Cell, there: Cell) -> tuple[str, Heading
 
 
 def _passage(
-    region: str, first: Cell, last: Cell, steps: int, way_in: tuple[str, Heading] | None,
+    regions: RegionMap, region: str, path: Sequence[Cell], way_in: tuple[str, Heading] | None,
     way_out: tuple[str, Heading] | None,
 ) -> Passage:  # fmt: skip
+    """path: with the first cell of the next region."""
+    first, last, steps = path[0], path[-2 if way_out else -1], len(path) - 1
     across = (last[0] - first[0], last[1] - first[1])
     side = turned(way_in[1], across) if way_in and any(across) else None
     turn = turned(way_in[1], way_out[1]) if way_in and way_out else None
-    return Passage(region, way_in and way_in[0], way_out and way_out[0], side, turn, steps)
+    toward = _compass(regions, first, path[-1]) if way_in is None and steps else None
+    return Passage(region, way_in and way_in[0], way_out and way_out[0], side, turn, toward, steps)
+
+
+def _compass(regions: RegionMap, here: Cell, there: Cell) -> str:
+    (x_m, y_m), (to_x_m, to_y_m) = (regions.grid.to_world(*cell) for cell in (here, there))
+    return compass(to_x_m - x_m, to_y_m - y_m)

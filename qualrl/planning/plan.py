@@ -37,10 +37,12 @@ class Step:
     the plan starts, for the goal right there, and without a map."""
     passes: tuple[str, ...] = ()
     """Landmarks passed on the way, in their order."""
+    compass: str | None = None
+    """Where the plan starts: in which of eight directions on the map the way out or the goal lies; else None."""
 
     def in_words(self) -> str:
         """As a line of the plan."""
-        side = f"{SIDES[self.side]}, " if self.side else ""
+        side = f"{SIDES[self.side]}, " if self.side else f"to the {self.compass}, " if self.compass else ""
         rest = [f"{len(self.passes) - MOST_PASSED} more"] if len(self.passes) > MOST_PASSED else []
         past = f", past {', '.join([*self.passes[:MOST_PASSED], *rest])}" if self.passes else ""
         far = "" if self.length_m is None else f" ({self.length_m:.2f} m{past})"
@@ -60,6 +62,7 @@ class Step:
             "length_steps": self.steps,
             "length_m": self.length_m,
             "side": self.side,
+            "compass": self.compass,
             "passes": list(self.passes),
         }
 

@@ -142,7 +142,7 @@ def _as_walked(regions: RegionMap, steps: Sequence[Step], legs: Sequence[Leg], p
         seen = [mark.name for mark in marks if leg.first <= mark.step <= leg.last and mark.kind != CENTRE]
         passed = tuple(name for name in seen if name not in doors | known)
         known |= doors | set(passed)
-        found.append(replace(step, side=passage.side, passes=passed))
+        found.append(replace(step, side=passage.side, compass=passage.compass, passes=passed))
     return found
 
 
