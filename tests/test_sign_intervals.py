@@ -72,18 +72,27 @@ def spoiled(certificate):
     flipped["signs"][0] *= -1
     yield flipped
     fewer = json.loads(text)
-    fewer["levels"][0]["brackets"].pop()
+    fewer["brackets"].pop()
     fewer["signs"].pop()
     yield fewer
-    unlisted = json.loads(text)
-    unlisted["levels"][1]["brackets"] = []
-    yield unlisted
+    elsewhere = json.loads(text)
+    elsewhere["brackets"][0][1] = elsewhere["brackets"][0][0]
+    yield elsewhere
     other = json.loads(text)
-    other["levels"][1]["terms"][0][1] = str(2 * int(other["levels"][1]["terms"][0][1]))
+    other["terms"][0][1] = str(2 * int(other["terms"][0][1]))
     yield other
-    shorter = json.loads(text)
-    del shorter["levels"][-1]
-    yield shorter
+    for at, piece in enumerate(certificate["pieces"]):
+        gone = json.loads(text)
+        del gone["pieces"][at]
+        yield gone
+        for level, brackets in enumerate(piece["derivatives"]):
+            shorter = json.loads(text)
+            del shorter["pieces"][at]["derivatives"][level:]
+            yield shorter
+            if brackets:
+                unlisted = json.loads(text)
+                unlisted["pieces"][at]["derivatives"][level] = []
+                yield unlisted
     if certificate["shared"]:
         foreign = json.loads(text)
         foreign["shared"][0][1] = str(int(foreign["shared"][0][1]) - 1)
