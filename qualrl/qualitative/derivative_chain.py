@@ -9,12 +9,17 @@ would not see.  Powers are shared: levels need the same ones.
 """
 
 from collections.abc import Mapping
+from itertools import pairwise
 
 Terms = dict[int, int]
 """Coefficient by exponent, none of them 0."""
 
 SPARE_BITS = 64
 """So many more than those of the points are kept of each number at first."""
+SMALL = 4000
+"""Exact values of up to so many bits are as fast as bounds."""
+MOST_POINTS = 1000
+"""Powers of more points than that are not kept."""
 
 
 class DerivativeChain:
@@ -23,8 +28,8 @@ class DerivativeChain:
     def __init__(self, terms: Mapping[int, int]) -> None:
         """Terms: at least one, none of them 0."""
         falling = sorted(terms, reverse=True)
-        self._exponents = falling
-        self._gaps = [above - below for above, below in zip(falling[:-1], falling[1:], strict=True)]
+        self._exponents = [exponent - falling[-1] for exponent in falling]
+        self._gaps = [above - below for above, below in pairwise(falling)]
         self._levels = [[terms[exponent] for exponent in falling]]
         self._shifted: dict[tuple[int, int], list[int]] = {}
         self._powers: dict[tuple[int, int, int], tuple[list[int], list[int]]] = {}
@@ -36,8 +41,7 @@ class DerivativeChain:
 
     def terms(self) -> Terms:
         """The first level."""
-        lowest = self._exponents[-1]
-        return {k - lowest: of for k, of in zip(self._exponents, self._levels[0], strict=True)}
+        return dict(zip(self._exponents, self._levels[0], strict=True))
 
     def never_zero(self, level: int, low: int, high: int, bits: int) -> bool:
         """Whether bounds prove that a level is not 0 anywhere from one point to another."""
@@ -48,6 +52,8 @@ class DerivativeChain:
 
     def sign_at(self, level: int, numerator: int, bits: int) -> int:
         """The sign of a level at a point: by bounds if they tell, else exactly."""
+        if bits * self._exponents[0] <= SMALL:
+            return self._exact_sign(level, numerator, bits)
         for kept in (bits + SPARE_BITS, 4 * (bits + SPARE_BITS)):
             lower, upper = self._bounds(level, numerator, numerator, bits, kept)
             if lower > 0 or upper < 0:
@@ -91,11 +97,13 @@ class DerivativeChain:
         """2**kept times the power of a point for each gap: lower and upper bounds."""
         found = self._powers.get((numerator, bits, kept))
         if found is None:
+            if len(self._powers) >= MOST_POINTS:
+                self._powers.clear()
             point = numerator << (kept - bits)
-            by_gap = {gap: _power(point, gap, kept) for gap in set(self._gaps)}
-            floors = [by_gap[gap] for gap in self._gaps]
-            ceilings = [floor + gap for floor, gap in zip(floors, self._gaps, strict=True)]
-            found = self._powers[numerator, bits, kept] = floors, ceilings
+            floor = {gap: _power(point, gap, kept) for gap in set(self._gaps)}
+            ceiling = {gap: of + gap for gap, of in floor.items()}
+            found = [floor[gap] for gap in self._gaps], [ceiling[gap] for gap in self._gaps]
+            self._powers[numerator, bits, kept] = found
         return found
 
     def _exact_sign(self, level: int, numerator: int, bits: int) -> int:
