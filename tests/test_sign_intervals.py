@@ -79,7 +79,7 @@ def spoiled(certificate):
     fewer["signs"].pop()
     yield fewer
     elsewhere = json.loads(text)
-    elsewhere["brackets"][0][1] = elsewhere["brackets"][0][0]
+    elsewhere["brackets"][-1][1] = elsewhere["brackets"][-1][0]
     yield elsewhere
     other = json.loads(text)
     other["terms"][0][1] = str(2 * int(other["terms"][0][1]))
@@ -110,7 +110,7 @@ def spoiled(certificate):
     [
         {0: 1, 3: -7, 9: 8, 20: -1},
         terms_of((3 * X - 1) ** 2 * (X**9 - 2 * X + 3)),
-        terms_of((2 * X - 1) * (3 * X - 2) ** 2 * sum((-1) ** k * (k % 5 + 1) * X ** (7 * k) for k in range(30))),
+        terms_of((2 * X - 1) * sum((-1) ** k * (k % 5 + 1) * X ** (3 * k) for k in range(12))),
     ],
 )
 def test_the_checker_finds_what_is_wrong(terms):
