@@ -2,6 +2,8 @@
 
 import json
 from fractions import Fraction
+from math import lcm
+from random import Random
 
 import mpmath
 import pytest
@@ -10,7 +12,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from qualrl.errors import SettingError
-from qualrl.qualitative.plan_value import told_apart
+from qualrl.qualitative.plan_value import Course, Stretch, combined, told_apart
 from qualrl.qualitative.sign_intervals import sign_intervals
 from tests.certificates import check_signs, sign
 
@@ -73,18 +75,27 @@ def spoiled(certificate):
     flipped["signs"][0] *= -1
     yield flipped
     fewer = json.loads(text)
-    fewer["levels"][0]["brackets"].pop()
+    fewer["brackets"].pop()
     fewer["signs"].pop()
     yield fewer
-    unlisted = json.loads(text)
-    unlisted["levels"][1]["brackets"] = []
-    yield unlisted
+    elsewhere = json.loads(text)
+    elsewhere["brackets"][-1][1] = elsewhere["brackets"][-1][0]
+    yield elsewhere
     other = json.loads(text)
-    other["levels"][1]["terms"][0][1] = str(2 * int(other["levels"][1]["terms"][0][1]))
+    other["terms"][0][1] = str(2 * int(other["terms"][0][1]))
     yield other
-    shorter = json.loads(text)
-    del shorter["levels"][-1]
-    yield shorter
+    for at, piece in enumerate(certificate["pieces"]):
+        gone = json.loads(text)
+        del gone["pieces"][at]
+        yield gone
+        for level, brackets in enumerate(piece["derivatives"]):
+            shorter = json.loads(text)
+            del shorter["pieces"][at]["derivatives"][level:]
+            yield shorter
+            if brackets:
+                unlisted = json.loads(text)
+                unlisted["pieces"][at]["derivatives"][level] = []
+                yield unlisted
     if certificate["shared"]:
         foreign = json.loads(text)
         foreign["shared"][0][1] = str(int(foreign["shared"][0][1]) - 1)
@@ -94,7 +105,14 @@ def spoiled(certificate):
         yield unshared
 
 
-@pytest.mark.parametrize("terms", [{0: 1, 3: -7, 9: 8, 20: -1}, terms_of((3 * X - 1) ** 2 * (X**9 - 2 * X + 3))])
+@pytest.mark.parametrize(
+    "terms",
+    [
+        {0: 1, 3: -7, 9: 8, 20: -1},
+        terms_of((3 * X - 1) ** 2 * (X**9 - 2 * X + 3)),
+        terms_of((2 * X - 1) * sum((-1) ** k * (k % 5 + 1) * X ** (3 * k) for k in range(12))),
+    ],
+)
 def test_the_checker_finds_what_is_wrong(terms):
     certificate = sign_intervals(terms).certificate()
     check_signs(certificate, terms)
@@ -103,6 +121,56 @@ def test_the_checker_finds_what_is_wrong(terms):
             check_signs(wrong, terms)
     with pytest.raises(AssertionError):
         check_signs(certificate, terms | {3: -6})
+
+
+def alternating(rng, turns, most):
+    """(1 - x) * V of a way that goes straight and diagonally in turns, before it is paid 500."""
+    rewards = [-(2 ** (turn % 2 / 2)) for turn in range(turns)]
+    return Course((*(Stretch("", rng.randint(1, most), reward) for reward in rewards), Stretch("", 1, 500.0)))
+
+
+def scaled_difference(first, second):
+    difference = combined((1, first), (-1, second))
+    scale = lcm(*(of.denominator for of in difference.values()))
+    return {exponent: int(of * scale) for exponent, of in difference.items()}
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.randoms(use_true_random=False), st.integers(2, 60), st.fractions(0, 1, max_denominator=500))
+def test_ways_of_many_turns(rng, turns, at):
+    terms = scaled_difference(alternating(rng, turns, 20), alternating(rng, turns + 1, 20))
+    found = sign_intervals(terms)
+    check_signs(json.loads(json.dumps(found.certificate())), terms)
+    assert all(found.is_zero)
+    for (low, high), *around in zip(found.brackets, found.signs, found.signs[1:], strict=False):
+        assert high - low <= Fraction(1, 2**64)
+        assert around[0] == -around[1]
+    if 0 < at < 1 and not any(low <= at <= high for low, high in found.brackets):
+        assert found.signs[sum(high < at for _, high in found.brackets)] == sign(terms, at)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.lists(st.integers(-9, 9), min_size=8, max_size=25).filter(any), st.integers(0, 3), st.integers(0, 2))
+def test_many_terms_with_zeros_where_pieces_meet(coefficients, times_half, times_one):
+    """Zeros at 1/2 and at 1, by sympy, also where other zeros are near."""
+    terms = terms_of(
+        (2 * X - 1) ** times_half * (X - 1) ** times_one * sum(of * X**k for k, of in enumerate(coefficients))
+    )
+    found = sign_intervals(terms)
+    check_signs(json.loads(json.dumps(found.certificate())), terms)
+    roots = roots_inside(terms)
+    assert all(found.is_zero)
+    assert len(found.brackets) == len(roots)
+    assert all(low <= root <= high for (low, high), (root, _) in zip(found.brackets, roots, strict=True))
+
+
+def test_one_piece_or_several():
+    """Few terms need no halving; and with many, no piece needs a derivative as far down as the last."""
+    assert [(piece.low, piece.high) for piece in sign_intervals({0: 1, 3: -7, 9: 8, 900: -1}).pieces] == [(0, 2**64)]
+    terms = scaled_difference(alternating(Random(1), 60, 20), alternating(Random(2), 50, 20))
+    pieces = sign_intervals(terms).pieces
+    assert len(pieces) < len(terms) / 2
+    assert max(len(piece.critical) for piece in pieces) < len(terms) / 2
 
 
 def test_two_thresholds_of_a_corridor_and_a_lab():

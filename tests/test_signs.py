@@ -83,7 +83,7 @@ def test_exact_signs_are_those_of_values_recomputed(ends, directions, goal_rewar
     for influence in answer.influences:
         if influence.exact is not None and influence.exact.signs != (0,):
             certificate = json.loads(json.dumps(influence.to_dict()))["exact"]["certificate"]
-            terms = {int(power): int(value) for power, value in certificate["levels"][0]["terms"]}
+            terms = {int(power): int(value) for power, value in certificate["terms"]}
             check_signs(certificate, terms)
 
 

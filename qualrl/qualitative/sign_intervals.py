@@ -1,29 +1,32 @@
 """Where a polynomial of few terms is positive and where negative between 0 and 1: proved, with a certificate.
 
 Between two zeros of its derivative a polynomial is monotone, so two signs tell whether it is zero there; and the
-derivative, divided by the power of x that it contains, has one term less (Rolle).  So the cost goes with the number of
-terms and hardly with the degree, which is in the thousands for plans of thousands of steps.
+derivative, divided by the power of x that it contains, has one term less (Rolle).  On a short *piece* of [0, 1] a few
+derivatives are enough: bounds prove that one of them is never 0 there.  So (0, 1) is halved until they do, and the cost
+goes with the number of terms and hardly with the degree, which is in the thousands for plans of thousands of steps.
 
 A *bracket* is an interval [low, high] between dyadic numbers, 2**-bits wide or a point.  What is proved of each level
-is that all its zeros in (0, 1) lie in its brackets.  All is whole numbers; nothing is rounded.
+of a piece is that all its zeros inside the piece lie in its brackets.  Bounds are rounded outwards, and where they do
+not tell, whole numbers do.
 
 Where a polynomial only touches 0, no sign changes.  There it shares a factor with its derivative, whose sign does.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 from qualrl.errors import SettingError
+from qualrl.qualitative.derivative_chain import DerivativeChain, Terms
 
-Terms = dict[int, int]
-"""Coefficient by exponent, none of them 0."""
 Bracket = tuple[int, int]
 """Numerators over 2**bits."""
 
 FIRST_BITS, BITS, MOST_BITS = 16, 64, 512
 """Brackets are this narrow at first, for speed; in the end; and at most, where narrower ones may decide more."""
+FEW_LEVELS = 4
+"""So many derivatives are tried on all of (0, 1); on halves one more, on quarters two more than that, and so on."""
 MOST_SHARED = 5000
 """Factors are looked for in polynomials of at most this degree."""
 MOST_DEGREE = 100_000
@@ -31,53 +34,68 @@ MOST_DEGREE = 100_000
 
 
 @dataclass(frozen=True)
-class Level:
-    """A polynomial, and brackets that hold all its zeros in (0, 1)."""
+class Piece:
+    """A part of [0, 1], and brackets that hold all zeros of the derivatives inside it."""
 
-    terms: Terms
-    brackets: tuple[Bracket, ...]
+    low: int
+    """Numerators over 2**bits, as those of brackets."""
+    high: int
+    critical: tuple[tuple[Bracket, ...], ...]
+    """Of the first derivative, of the second and so on; the last one of these has no zero and so no bracket.
+
+    Each derivative is divided by the power of x that it contains.  Empty where the polynomial itself has no zero.
+    """
 
 
 @dataclass(frozen=True)
 class SignIntervals:
     """The signs of a polynomial on (0, 1)."""
 
-    levels: tuple[Level, ...]
-    """The polynomial divided by its lowest power, then each time the derivative of the one before, so divided."""
+    terms: Terms
+    """The polynomial divided by its lowest power."""
     bits: int
+    zeros: tuple[Bracket, ...]
+    """They hold all its zeros in (0, 1)."""
     signs: tuple[int, ...]
     """1 or -1 left of the first bracket, between each two and right of the last one; (0,) for the polynomial 0."""
     is_zero: tuple[bool, ...]
     """Whether a bracket is proved to hold a zero; else it may hold none."""
     shared: Terms
-    """A factor of the first level that changes its sign in each bracket where that only touches 0; {} without such."""
+    """A factor of the polynomial that changes its sign in each bracket where that only touches 0; {} without such."""
+    pieces: tuple[Piece, ...]
+    """From 0 to 1."""
 
     @property
     def brackets(self) -> tuple[tuple[Fraction, Fraction], ...]:
         """Where the polynomial may be 0."""
-        return tuple(
-            (Fraction(low, 1 << self.bits), Fraction(high, 1 << self.bits)) for low, high in self.levels[0].brackets
-        )
+        return tuple((Fraction(low, 1 << self.bits), Fraction(high, 1 << self.bits)) for low, high in self.zeros)
 
     def certificate(self) -> dict[str, Any]:
-        """As JSON: what a few lines of code can check again (see the tests); coefficients as text, for size."""
+        """As JSON: what a few lines of code can check again (see the tests); large numbers as text."""
         return {
             "bits": self.bits,
+            "terms": _as_text(self.terms),
+            "brackets": _ends_as_text(self.zeros),
             "signs": list(self.signs),
             "zeros": list(self.is_zero),
             "shared": _as_text(self.shared),
-            "levels": [
+            "pieces": [
                 {
-                    "terms": _as_text(level.terms),
-                    "brackets": [[str(low), str(high)] for low, high in level.brackets],
+                    "from": str(piece.low),
+                    "to": str(piece.high),
+                    "derivatives": [_ends_as_text(brackets) for brackets in piece.critical],
                 }
-                for level in self.levels
+                for piece in self.pieces
             ],
         }
 
 
 def _as_text(terms: Terms) -> list[list[Any]]:
     return [[exponent, str(of)] for exponent, of in sorted(terms.items())]
+
+
+def _ends_as_text(brackets: tuple[Bracket, ...]) -> list[list[str]]:
+    return [[str(low), str(high)] for low, high in brackets]
 
 
 def sign_intervals(terms: Mapping[int, int]) -> SignIntervals:
@@ -89,41 +107,77 @@ def sign_intervals(terms: Mapping[int, int]) -> SignIntervals:
         raise SettingError(f"exponents must be from 0 to {MOST_DEGREE}, got {min(terms)} to {max(terms)}")
     kept = {exponent: of for exponent, of in terms.items() if of}
     if not kept:
-        return SignIntervals((Level({}, ()),), BITS, (0,), (), {})
+        return SignIntervals({}, BITS, (), (0,), (), {}, ())
+    chain = DerivativeChain(kept)
+    parts = list(_parts(chain, 0, 1 << FIRST_BITS, FEW_LEVELS, 1))
     bits, shared = FIRST_BITS, Terms()
     while True:
-        levels = _levels(kept, bits)
-        zeros = [_is_zero(levels, bracket, bits) for bracket in levels[0].brackets]
+        pieces, found = _isolated(chain, parts, bits)
+        zeros = list(found.values())
         if not all(zeros) and bits >= BITS:
-            shared = shared or _shared_with_derivative(levels[0].terms)
-            zeros = [sure or _changes(shared, of, bits) for sure, of in zip(zeros, levels[0].brackets, strict=True)]
+            shared = shared or _shared_with_derivative(chain.terms())
+            zeros = [sure or _changes(shared, of, bits) for of, sure in found.items()]
         if all(zeros) or 2 * bits > MOST_BITS:
             break
         bits *= 2
+    brackets = list(found)
     if bits < BITS:
-        levels, bits = _narrowed(levels, bits), BITS
-    ends = [0, *(end for bracket in levels[0].brackets for end in bracket), 1 << bits]
-    signs = [sign_at(levels[0].terms, ends[at] + ends[at + 1], bits + 1) for at in range(0, len(ends), 2)]
-    return SignIntervals(tuple(levels), bits, tuple(signs), tuple(zeros), shared)
+        pieces, brackets, bits = *_narrowed(chain, pieces, brackets, BITS - bits), BITS
+    ends = [0, *(end for bracket in brackets for end in bracket), 1 << bits]
+    signs = [chain.sign_at(0, ends[at] + ends[at + 1], bits + 1) for at in range(0, len(ends), 2)]
+    return SignIntervals(chain.terms(), bits, tuple(brackets), tuple(signs), tuple(zeros), shared, tuple(pieces))
 
 
-def _levels(terms: Terms, bits: int) -> list[Level]:
-    chain = [_without_power(terms)]
-    while len(chain[-1]) > 1:
-        chain.append(_without_power({k - 1: k * of for k, of in chain[-1].items() if k}))
-    levels = [Level(chain[-1], ())]
-    for above in reversed(chain[:-1]):
-        levels.append(Level(above, tuple(_brackets(above, levels[-1].brackets, bits))))
-    return levels[::-1]
+def _parts(chain: DerivativeChain, low: int, high: int, most: int, more: int) -> Iterator[tuple[int, int, int]]:
+    """Where pieces begin and end, over 2**FIRST_BITS, and which level is never 0 there."""
+    if high - low == 1:
+        most = chain.last
+    for level in range(min(most, chain.last) + 1):
+        if chain.never_zero(level, low, high, FIRST_BITS):
+            yield low, high, level
+            return
+    middle = (low + high) // 2
+    yield from _parts(chain, low, middle, most + more, more + 1)
+    yield from _parts(chain, middle, high, most + more, more + 1)
 
 
-def _is_zero(levels: list[Level], bracket: Bracket, bits: int) -> bool:
-    """Whether a bracket of the first level surely holds one zero: a point that is one, or a monotone crossing."""
-    terms, (low, high) = levels[0].terms, bracket
+def _isolated(
+    chain: DerivativeChain, parts: list[tuple[int, int, int]], bits: int
+) -> tuple[list[Piece], dict[Bracket, bool]]:
+    """Pieces with brackets, and those of the polynomial with whether each surely holds one zero."""
+    finer = bits - FIRST_BITS
+    pieces: list[Piece] = []
+    zeros: dict[Bracket, bool] = {}
+    for low, high, level in parts:
+        low, high = low << finer, high << finer
+        if low and chain.sign_at(0, low, bits) == 0:
+            _add(zeros, (low, low), True)
+        critical: list[tuple[Bracket, ...]] = [()] if level else []
+        for above in range(level - 1, 0, -1):
+            critical.insert(0, tuple(_brackets(chain, above, low, high, critical[0], bits)))
+        pieces.append(Piece(low, high, tuple(critical)))
+        if level:
+            for bracket in _brackets(chain, 0, low, high, critical[0], bits):
+                _add(zeros, bracket, _is_zero(chain, bracket, critical[0], bits))
+    return pieces, zeros
+
+
+def _add(zeros: dict[Bracket, bool], bracket: Bracket, sure: bool) -> None:
+    """Brackets that touch become one, of which nothing is sure."""
+    last = next(reversed(zeros), None)
+    if last and last[1] >= bracket[0]:
+        del zeros[last]
+        bracket, sure = (last[0], bracket[1]), False
+    zeros[bracket] = sure
+
+
+def _is_zero(chain: DerivativeChain, bracket: Bracket, critical: tuple[Bracket, ...], bits: int) -> bool:
+    """Whether a bracket of the polynomial surely holds one zero: a point that is one, or a monotone crossing."""
+    low, high = bracket
     if low == high:
-        return sign_at(terms, low, bits) == 0
-    monotone = all(end <= low or begin >= high for begin, end in levels[1].brackets)
-    return monotone and _sign_from(terms, low, bits) * _sign_up_to(terms, high, bits) < 0
+        return chain.sign_at(0, low, bits) == 0
+    monotone = all(end <= low or begin >= high for begin, end in critical)
+    return monotone and chain.sign_at(0, low, bits) * chain.sign_up_to(0, high, bits) < 0
 
 
 def _shared_with_derivative(terms: Terms) -> Terms:
@@ -139,97 +193,60 @@ def _shared_with_derivative(terms: Terms) -> Terms:
 
 def _changes(terms: Terms, bracket: Bracket, bits: int) -> bool:
     """Whether a polynomial has one sign at the lower end of a bracket and the other one at the upper end."""
-    return bool(terms) and sign_at(terms, bracket[0], bits) * sign_at(terms, bracket[1], bits) < 0
+    if not terms:
+        return False
+    chain = DerivativeChain(terms)
+    return chain.sign_at(0, bracket[0], bits) * chain.sign_at(0, bracket[1], bits) < 0
 
 
-def _narrowed(levels: list[Level], bits: int) -> list[Level]:
-    """The same with brackets of the first level, each of one zero, 2**-BITS wide."""
-    finer = BITS - bits
+def _narrowed(
+    chain: DerivativeChain, pieces: list[Piece], zeros: list[Bracket], finer: int
+) -> tuple[list[Piece], list[Bracket]]:
+    """The same with so many bits more; brackets of the polynomial, each of one zero, are as narrow as that."""
     scaled = [
-        Level(level.terms, tuple((low << finer, high << finer) for low, high in level.brackets)) for level in levels
+        Piece(of.low << finer, of.high << finer, tuple(_scaled(brackets, finer) for brackets in of.critical))
+        for of in pieces
     ]
-    terms = scaled[0].terms
     found = [
-        (low, high) if low == high else _crossing(terms, low, high, _sign_from(terms, low, BITS), BITS)
-        for low, high in scaled[0].brackets
+        (low, high) if low == high else _crossing(chain, 0, low, high, chain.sign_at(0, low, BITS), BITS)
+        for low, high in _scaled(zeros, finer)
     ]
-    return [Level(terms, tuple(found)), *scaled[1:]]
+    return scaled, found
 
 
-def _without_power(terms: Terms) -> Terms:
-    lowest = min(terms)
-    return {exponent - lowest: of for exponent, of in terms.items()}
+def _scaled(brackets: Iterable[Bracket], finer: int) -> tuple[Bracket, ...]:
+    return tuple((low << finer, high << finer) for low, high in brackets)
 
 
-def _brackets(terms: Terms, critical: tuple[Bracket, ...], bits: int) -> list[Bracket]:
-    """Brackets of a polynomial from those of its derivative; brackets that touch become one."""
+def _brackets(
+    chain: DerivativeChain, level: int, low: int, high: int, critical: tuple[Bracket, ...], bits: int
+) -> list[Bracket]:
+    """Brackets of a level inside a piece from those of its derivative; brackets that touch become one."""
     merged: list[Bracket] = []
-    for low, high in _each_bracket(terms, critical, bits):
-        if merged and merged[-1][1] >= low:
-            low = merged.pop()[0]
-        merged.append((low, high))
+    for begin, end in _each_bracket(chain, level, low, high, critical, bits):
+        if merged and merged[-1][1] >= begin:
+            begin = merged.pop()[0]
+        merged.append((begin, end))
     return merged
 
 
-def _each_bracket(terms: Terms, critical: tuple[Bracket, ...], bits: int) -> Iterator[Bracket]:
-    end = 0
-    one = 1 << bits
-    for low, high in (*critical, (one, one)):
-        if end < low and (sign := _sign_from(terms, end, bits)) * _sign_up_to(terms, low, bits) < 0:
-            yield _crossing(terms, end, low, sign, bits)
-        if low < one and not is_never_zero(terms, low, high, bits):
-            yield low, high
-        end = high
+def _each_bracket(
+    chain: DerivativeChain, level: int, low: int, high: int, critical: tuple[Bracket, ...], bits: int
+) -> Iterator[Bracket]:
+    for begin, end in (*critical, (high, high)):
+        if low < begin and (sign := chain.sign_at(level, low, bits)) * chain.sign_up_to(level, begin, bits) < 0:
+            yield _crossing(chain, level, low, begin, sign, bits)
+        if begin < high and not chain.never_zero(level, begin, end, bits):
+            yield begin, end
+        low = end
 
 
-def _crossing(terms: Terms, low: int, high: int, sign: int, bits: int) -> Bracket:
-    """The bracket of the only zero between two points; sign: that at the lower one."""
+def _crossing(chain: DerivativeChain, level: int, low: int, high: int, sign: int, bits: int) -> Bracket:
+    """The bracket of the only zero of a level between two points; sign: that at the lower one."""
     while high - low > 1:
         middle = (low + high) // 2
-        here = sign_at(terms, middle, bits)
+        here = chain.sign_at(level, middle, bits)
         if here == 0:
             return middle, middle
         low, high = (middle, high) if here == sign else (low, middle)
     return low, high
-
-
-def is_never_zero(terms: Terms, low: int, high: int, bits: int) -> bool:
-    """Whether a polynomial is farther from 0 at the lower end than it can change up to the upper end.
-
-    It changes by at most (high - low) * sum of k * abs(terms[k]) * high**(k - 1), all over 2**bits.
-    """
-    degree = max(terms)
-    slope: int = sum(k * abs(of) * high ** (k - 1) << (bits * (degree - k)) for k, of in terms.items() if k)
-    return abs(_scaled(terms, low, bits)) > (high - low) * slope
-
-
-def sign_at(terms: Terms, numerator: int, bits: int) -> int:
-    """The sign of a polynomial at numerator / 2**bits."""
-    value = _scaled(terms, numerator, bits)
-    return (value > 0) - (value < 0)
-
-
-def _scaled(terms: Terms, numerator: int, bits: int) -> int:
-    """The value of a polynomial of degree n at numerator / 2**bits, times 2**(bits * n)."""
-    *rest, (before, value) = sorted(terms.items())
-    degree = before
-    for exponent, of in reversed(rest):  # Horner's rule over the gaps between exponents
-        value = value * numerator ** (before - exponent) + (of << (bits * (degree - exponent)))
-        before = exponent
-    scaled: int = value * numerator**before
-    return scaled
-
-
-def _sign_from(terms: Terms, numerator: int, bits: int) -> int:
-    """The sign at a point, which at 0 is that of the constant term."""
-    return sign_at(terms, numerator, bits) if numerator else (terms[0] > 0) - (terms[0] < 0)
-
-
-def _sign_up_to(terms: Terms, numerator: int, bits: int) -> int:
-    """The sign at a point, and for 1 that just below it: of the first derivative there that is not 0."""
-    if numerator < 1 << bits:
-        return sign_at(terms, numerator, bits)
-    flip, derivative = 1, terms
-    while (at_one := sum(derivative.values())) == 0:
-        flip, derivative = -flip, {k - 1: k * of for k, of in derivative.items() if k}
-    return flip if at_one > 0 else -flip
