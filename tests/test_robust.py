@@ -95,11 +95,13 @@ def test_nothing_in_the_intervals_contradicts_the_answer(case):
         worths = [robot.worth(way, *point) for way in ways]
         for rival, worth in zip(answer.rivals, worths, strict=True):
             assert rival.least - 1e-7 <= worth <= rival.most + 1e-7
-        best_somewhere |= {at for at, worth in enumerate(worths) if worth >= max(worths) - 1e-7}
+        best_somewhere |= {at for at, worth in enumerate(worths) if worth >= max(worths) - 1e-9}
         for (one, other), order in answer.orders.items():
             ahead = worths[one] - worths[other]
-            assert ahead >= -1e-7 or order.relation not in ("better", "equal")
-            assert ahead <= 1e-7 or order.relation not in ("worse", "equal")
+            assert ahead >= -1e-9 or order.relation not in ("never worse", "equal")
+            assert ahead <= 1e-9 or order.relation not in ("never better", "equal")
+            assert ahead > 1e-9 or order.relation != "better"
+            assert ahead < -1e-9 or order.relation != "worse"
         if answer.others is not None:
             told = {*ways}
             for way in robot.ways(case["start"]):
@@ -107,7 +109,8 @@ def test_nothing_in_the_intervals_contradicts_the_answer(case):
                     worth = robot.worth(way, *point)
                     assert worth is None or worth <= answer.others + 1e-7
     for at, rival in enumerate(answer.rivals):
-        assert at not in best_somewhere or rival.best != "never" or not is_alone_best(robot, ways, at, case)
+        assert at not in best_somewhere or rival.best != "never"
+        assert rival.best != "tied" or not is_alone_best(robot, ways, at, case)
         if rival.best == "certain":
             assert all(
                 robot.worth(ways[at], *point) >= max(robot.worth(way, *point) for way in ways) - 1e-7
@@ -119,7 +122,7 @@ def is_alone_best(robot, ways, at, case):
     """Whether a way is better than all others somewhere, not only as good."""
     for point in points(case, 3):
         worths = [robot.worth(way, *point) for way in ways]
-        if all(worths[at] > worth + 1e-7 for other, worth in enumerate(worths) if other != at):
+        if all(worths[at] > worth + 1e-9 for other, worth in enumerate(worths) if other != at):
             return True
     return False
 
@@ -131,12 +134,13 @@ def test_either_way_is_shown_to_be_better_somewhere(case):
     base = {name: span[0] for name, span in {**case["doors"], **case["times"]}.items()}
     for (one, other), order in answer.orders.items():
         ways = answer.rivals[one].way.doors, answer.rivals[other].way.doors
-        for point, sign in ((order.at_better, 1), (order.at_worse, -1)):
+        for point, sign in ((order.at_better, 1), (order.at_worse, -1), (order.at_equal, 0)):
             if point is not None:
                 told = {**base, **point}
                 chance = {name: told[name] for name in case["doors"]}
                 worths = [robot.worth(way, chance, {name: told[name] for name in case["times"]}) for way in ways]
-                assert sign * (worths[0] - worths[1]) > 0
+                ahead = worths[0] - worths[1]
+                assert sign * ahead > 0 if sign else ahead == pytest.approx(0, abs=1e-9)
         assert order.relation != "either" or (order.at_better and order.at_worse)
 
 
@@ -165,6 +169,47 @@ def test_the_chance_at_which_two_ways_change_places_is_the_break_even_of_what_if
     ((key, number),) = {change for change in answer.changes.values() if change[0] == door}
     assert key == door
     assert number == pytest.approx(even.break_even.at(GAMMA))
+
+
+RING = """
+#####################
+#.........#.........#
+#.........#.........#
+#...................#
+#.........#.........#
+#####.########.######
+#.........#.........#
+#.........#.........#
+#...................#
+#.........#.........#
+#####################
+"""
+
+
+@pytest.mark.parametrize(
+    ("known", "told"),
+    [
+        ({"doors": {"door 1": (0.5, 1)}}, "better with door 1 open with 0.5; as good with door 1 open with 1"),
+        ({"times": {"room B": (1, 2)}}, "better with room B 2 times as long; as good with room B 1 times as long"),
+    ],
+)
+def test_two_ways_that_are_as_good_at_one_end_are_not_told_apart_there(known, told):
+    regions = qualrl.segment(grid_of(RING))
+    model = qualrl.build(regions, [9, 19], start=[1, 1], gamma=GAMMA)
+    answer = qualrl.questions.robust(model, **known)
+    document = answer.to_dict()
+    first, second = (way["steps"] for way in document["ways"])
+    assert first == second
+    (order,) = document["orders"]
+    ahead, behind = (1, 2) if order["relation"] == "never worse" else (2, 1)
+    assert order["relation"] in ("never worse", "never better")
+    assert f"Certain: way {ahead} is never worse than way {behind}: {told}." in answer.explain()
+    shown = f"Certain: way {ahead} is never worse than way {behind}: better for some numbers, for others as good."
+    assert shown in answer.explain("signs").splitlines()
+    best = [way["best"] for way in document["ways"]]
+    assert (best[ahead - 1], best[behind - 1]) == ("certain", "tied")
+    for depth in ("names", "signs", "numbers"):
+        assert f"Certainly best: way {ahead}.\nAmong the best for some numbers: way {behind}." in answer.explain(depth)
 
 
 def test_counts_and_measured_times_are_told_with_their_confidence():

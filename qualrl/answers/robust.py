@@ -1,7 +1,7 @@
 """Which plan is best while the chances of doorways and the times that regions take are known as intervals only.
 
 An interval MDP over the doorways of the ways that may be best: what each is worth in the worst and in the best case,
-and of each two whether one is better for all numbers, either for some, or undecided.
+and of each two whether one is better for all numbers, never worse, either for some, or undecided.
 """
 
 import math
@@ -27,6 +27,8 @@ from qualrl.qualitative.robust_order import (
     BETTER,
     EITHER,
     EQUAL,
+    NEVER_BETTER,
+    NEVER_WORSE,
     UNDECIDED,
     WORSE,
     Order,
@@ -40,7 +42,7 @@ MOST_WAYS = 6
 """Ways that are compared at most, if not said otherwise."""
 MOST_SOLVED = 60
 """Ways that are solved at most to find them."""
-CERTAIN, POSSIBLE, NEVER = "certain", "possible", "never"
+CERTAIN, POSSIBLE, TIED, NEVER = "certain", "possible", "tied", "never"
 
 
 @dataclass(frozen=True)
@@ -52,8 +54,8 @@ class Rival:
     least: float
     most: float
     best: str
-    """Whether it is the best of the ways told: CERTAIN, for all numbers (or as good as any); POSSIBLE, for some; NEVER;
-    or UNDECIDED."""
+    """Whether it is the best of the ways told: CERTAIN, for all numbers (or as good as any); POSSIBLE, for some; TIED,
+    as good as any for some, but never better than one of the others; NEVER, or UNDECIDED."""
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON."""
@@ -112,15 +114,26 @@ class Robust(Answer):
     def _orders_in_words(self, depth: Depth) -> Iterator[str]:
         for (one, other), order in self.orders.items():
             first, second = (f"way {at + 1}" for at in (one, other))
-            if order.relation in (BETTER, WORSE):
-                better, worse = (first, second) if order.relation == BETTER else (second, first)
-                yield f"Certain: {better} is better than {worse}, whatever the numbers are."
+            if order.relation in (WORSE, NEVER_BETTER):
+                order, first, second = order.turned(), second, first
+            if order.relation == BETTER:
+                yield f"Certain: {first} is better than {second}, whatever the numbers are."
+            elif order.relation == NEVER_WORSE:
+                yield f"Certain: {first} is never worse than {second}{self._never_worse_in_words(order, depth)}."
             elif order.relation == EQUAL:
                 yield f"Certain: {first} and {second} are worth the same, whatever the numbers are."
             elif order.relation == UNDECIDED:
                 yield f"Undecided: whether {first} or {second} is better."
             else:
                 yield f"Possible: {self._either_in_words(one, other, order, depth)}."
+
+    def _never_worse_in_words(self, order: Order, depth: Depth) -> str:
+        if order.at_better is None or order.at_equal is None:
+            return ", whatever the numbers are"
+        if depth == Depth.SIGNS:
+            return ": better for some numbers, for others as good"
+        better, equal = self._at(order.at_better, order.at_equal), self._at(order.at_equal, order.at_better)
+        return f": better with {better}; as good with {equal}"
 
     def _either_in_words(self, one: int, other: int, order: Order, depth: Depth) -> str:
         better, worse = order.at_better or {}, order.at_worse or {}
@@ -163,6 +176,7 @@ class Robust(Answer):
         for kind, words in (
             (CERTAIN, f"Certainly best{of_these}"),
             (POSSIBLE, f"Best{of_these} for some numbers"),
+            (TIED, f"Among the best{of_these} for some numbers"),
             (UNDECIDED, f"Perhaps best{of_these}"),
         ):
             ways = [f"way {at}" for at, rival in enumerate(self.rivals, 1) if rival.best == kind]
@@ -212,6 +226,7 @@ class Robust(Answer):
             "ways": [at + 1 for at in pair], "relation": order.relation,
             "better_at": None if order.at_better is None else dict(order.at_better),
             "worse_at": None if order.at_worse is None else dict(order.at_worse),
+            "equal_at": None if order.at_equal is None else dict(order.at_equal),
             "change": list(self.changes[pair]) if pair in self.changes else None,
         }  # fmt: skip
 
@@ -316,7 +331,7 @@ def _best(
 ) -> list[str]:
     """Of each plan, whether it is the best."""
     start = {key: span[0] for key, span in box.items()}
-    guesses = [order.at_better for order in orders.values()] + [order.at_worse for order in orders.values()]
+    guesses = [point for order in orders.values() for point in (order.at_better, order.at_worse, order.at_equal)]
     seen = set[int]()
     for guess in [*guesses, *(plan.at_most for plan in plans)]:
         point = consistent({**start, **(guess or {})}, box, together)
@@ -324,14 +339,16 @@ def _best(
         seen |= {at for at, worth in enumerate(worths) if worth >= max(worths) - ALIKE * abs(max(worths))}
     found = []
     for at in range(len(plans)):
-        to_others = [order.relation for (one, _), order in orders.items() if one == at]
-        to_others += [order.turned().relation for (_, other), order in orders.items() if other == at]
-        if all(relation in (BETTER, EQUAL) for relation in to_others):
+        to_others = {order.relation for (one, _), order in orders.items() if one == at}
+        to_others |= {order.turned().relation for (_, other), order in orders.items() if other == at}
+        if to_others <= {BETTER, NEVER_WORSE, EQUAL}:
             found.append(CERTAIN)
         elif WORSE in to_others:
             found.append(NEVER)
+        elif at not in seen:
+            found.append(UNDECIDED)
         else:
-            found.append(POSSIBLE if at in seen else UNDECIDED)
+            found.append(TIED if NEVER_BETTER in to_others else POSSIBLE)
     return found
 
 
