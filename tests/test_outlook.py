@@ -177,6 +177,14 @@ def test_what_is_settled_too_late_is_left_undecided():
     assert compare(Outlook(0.26), one, box).relation == BETTER
 
 
+def test_what_is_left_of_larger_amounts_by_rounding_is_nothing():
+    rest = Outlook(0.1 + 0.2 - 0.3, amounts=0.6)
+    assert rest.reward > 0
+    assert compare(rest, Outlook(), {}).relation == EQUAL
+    assert compare(Outlook(1e-14), Outlook(), {}).relation == BETTER
+    assert compare(rest, Outlook(), {}, paid=1e-12).relation == UNDECIDED
+
+
 def test_where_bounds_touch_but_the_plans_do_not_they_are_narrowed(monkeypatch):
     """P p + (1 - p) (1 - p) is 1/2 at least, but bounded by 0 on all of [0, 1]."""
     open_twice = Outlook(then=Outlook(1.0), number=Number("door 1"))

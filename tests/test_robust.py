@@ -3,6 +3,7 @@
 import itertools
 import json
 import re
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -169,6 +170,67 @@ def test_the_chance_at_which_two_ways_change_places_is_the_break_even_of_what_if
     ((key, number),) = {change for change in answer.changes.values() if change[0] == door}
     assert key == door
     assert number == pytest.approx(even.break_even.at(GAMMA))
+
+
+NEAR_ONE = st.sampled_from([1 - 1e-5, 1 - 1e-7, 1 - 1e-9])
+
+
+@settings(deadline=None, max_examples=40)
+@given(CASES, NEAR_ONE)
+def test_near_gamma_1_nothing_is_said_that_exact_arithmetic_denies(case, gamma):
+    assume(case["start"] != case["goal"])
+    assume(case["doors"])
+    model = qualrl.build(REGIONS, list(case["goal"]), start=list(case["start"]), gamma=gamma)
+    never = [name for name, (_, most) in case["doors"].items() if most == 0]
+    robot = Robot(REGIONS, case["start"], case["goal"], Fraction(gamma), Fraction(100), never)
+    answer = qualrl.questions.robust(model, doors=case["doors"])
+    for chance, _ in points({**case, "times": {}}, 3):
+        exactly = {name: Fraction(number) for name, number in chance.items()}
+        worths = [robot.worth(rival.way.doors, exactly, {}) for rival in answer.rivals]
+        assume(None not in worths)
+        for (one, other), order in answer.orders.items():
+            ahead = worths[one] - worths[other]
+            assert ahead > 0 or order.relation != "better"
+            assert ahead < 0 or order.relation != "worse"
+            assert ahead == 0 or order.relation != "equal"
+            assert ahead >= 0 or order.relation != "never worse"
+            assert ahead <= 0 or order.relation != "never better"
+
+
+TWO = """
+###############################
+#.........#.........#.........#
+#.........#.........#.........#
+#.........#.........#.........#
+#.............................#
+#.........#.........#.........#
+#.........#.........#.........#
+#.........#.........#.........#
+####.####################.#####
+#.............................#
+###############################
+"""
+
+
+def test_near_gamma_1_ways_are_told_apart_by_what_they_pay():
+    """Worths are shifted by 10^9, beside which a difference of 0.1 is small."""
+    model = qualrl.build(qualrl.segment(grid_of(TWO)), [4, 29], start=[4, 1], gamma=1 - 1e-9)
+    answer = qualrl.questions.robust(model, doors={"door 1": (0.54, 0.55)})
+    (order,) = answer.orders.values()
+    assert order.relation == "either"
+    ((_, number),) = answer.changes.values()
+    assert number == pytest.approx(6 / 11, abs=1e-6)
+    assert [rival.best for rival in answer.rivals] == ["possible", "possible"]
+    for span, relation in (((0.5, 0.545), "worse"), ((0.546, 0.6), "better")):
+        (order,) = qualrl.questions.robust(model, doors={"door 1": span}).orders.values()
+        assert order.relation == relation
+
+
+def test_near_gamma_1_what_rounding_may_hide_is_undecided():
+    model = qualrl.build(qualrl.segment(grid_of(RING)), [9, 19], start=[1, 1], gamma=1 - 1e-9)
+    answer = qualrl.questions.robust(model, doors={"door 1": (0.5, 1)})
+    assert [order.relation for order in answer.orders.values()] == ["undecided"]
+    assert {rival.best for rival in answer.rivals} == {"possible", "undecided"}
 
 
 RING = """

@@ -23,7 +23,6 @@ from qualrl.planning.planner import exact_walk
 from qualrl.qualitative.from_counts import Counts, Samples
 from qualrl.qualitative.outlook import Outlook, Point
 from qualrl.qualitative.robust_order import (
-    ALIKE,
     BETTER,
     EITHER,
     EQUAL,
@@ -35,6 +34,7 @@ from qualrl.qualitative.robust_order import (
     change,
     compare,
     consistent,
+    sign,
 )
 from qualrl.solving.exact import exact_values
 
@@ -256,15 +256,16 @@ def robust(
     others = max([of.most for of in plans[most:]] + ([] if others is None else [others]), default=None)
     plans = sorted(plans[:most], key=lambda plan: -plan.way.value)
     box = {key: span for plan in plans for key, span in plan.box.items()}
+    paid = max(abs(model.grid.goal_reward), abs(model.grid.step_reward))
     orders = {
-        (i, j): compare(plans[i].outlook, plans[j].outlook, box, contingent.together)
+        (i, j): compare(plans[i].outlook, plans[j].outlook, box, contingent.together, paid)
         for i, j in combinations(range(len(plans)), 2)
     }
     measured = {key: steps for plan in plans for key, steps in plan.measured.items()}
     shift = -model.grid.step_reward / (1 - model.gamma)
     rivals_told = tuple(
         Rival(plan.way, plan.least - shift, plan.most - shift, best)
-        for plan, best in zip(plans, _best(plans, orders, box, contingent.together), strict=True)
+        for plan, best in zip(plans, _best(orders, _seen(plans, orders, box, contingent.together, paid)), strict=True)
     )
     return Robust(
         *names, model.gamma, uncertain, box, measured, rivals_told, orders, _changes(plans, orders),
@@ -323,29 +324,38 @@ def _beside(model: HybridMDP, start: int, doors: Sequence[str]) -> list[str]:
     return [of.name for of in model.regions.doorways if of.name not in doors and passed & {*of.pair}]
 
 
-def _best(
+def _seen(
     plans: Sequence[_Plan],
     orders: Mapping[tuple[int, int], Order],
     box: Mapping[str, tuple[float, float]],
     together: Mapping[str, str],
-) -> list[str]:
-    """Of each plan, whether it is the best."""
+    paid: float,
+) -> list[bool]:
+    """Of each plan, whether numbers were seen with which no other is better."""
     start = {key: span[0] for key, span in box.items()}
     guesses = [point for order in orders.values() for point in (order.at_better, order.at_worse, order.at_equal)]
-    seen = set[int]()
-    for guess in [*guesses, *(plan.at_most for plan in plans)]:
-        point = consistent({**start, **(guess or {})}, box, together)
-        worths = [plan.outlook.value(point) for plan in plans]
-        seen |= {at for at, worth in enumerate(worths) if worth >= max(worths) - ALIKE * abs(max(worths))}
+    points = [
+        consistent({**start, **(guess or {})}, box, together) for guess in [*guesses, *(of.at_most for of in plans)]
+    ]
+
+    def leads(plan: _Plan, point: Point) -> bool:
+        others = (other for other in plans if other is not plan)
+        return all(sign(plan.outlook, other.outlook, point, paid) in (0, 1) for other in others)
+
+    return [any(leads(plan, point) for point in points) for plan in plans]
+
+
+def _best(orders: Mapping[tuple[int, int], Order], seen: Sequence[bool]) -> list[str]:
+    """Of each plan, whether it is the best.  seen: whether there are numbers with which no other is better."""
     found = []
-    for at in range(len(plans)):
+    for at, leads in enumerate(seen):
         to_others = {order.relation for (one, _), order in orders.items() if one == at}
         to_others |= {order.turned().relation for (_, other), order in orders.items() if other == at}
         if to_others <= {BETTER, NEVER_WORSE, EQUAL}:
             found.append(CERTAIN)
         elif WORSE in to_others:
             found.append(NEVER)
-        elif at not in seen:
+        elif not leads:
             found.append(UNDECIDED)
         else:
             found.append(TIED if NEVER_BETTER in to_others else POSSIBLE)

@@ -14,14 +14,18 @@ from dataclasses import dataclass, field
 from itertools import islice, product
 from types import MappingProxyType
 
-from qualrl.qualitative.outlook import Bounds, Box, Outlook, Point
+import numpy as np
+
+from qualrl.qualitative.outlook import Box, Outlook, Point
 from qualrl.qualitative.outlook_difference import difference
 
 BETTER, EQUAL, WORSE, EITHER, UNDECIDED = "better", "equal", "worse", "either", "undecided"
 NEVER_WORSE, NEVER_BETTER = "never worse", "never better"
 OPPOSITE = {BETTER: WORSE, WORSE: BETTER, NEVER_WORSE: NEVER_BETTER, NEVER_BETTER: NEVER_WORSE}
 ALIKE = 1e-9
-"""Worths that differ by less than this share are the same: rounding is far below."""
+"""Worths that differ by no more than rounding are the same if that is less than this share of what is paid."""
+A_ROUNDING = float(np.finfo(float).eps)
+"""Of what is rounded, the share that a rounding is at most."""
 MOST_BOXES = 1000
 """Parts of the box that are looked at, before the order is called undecided."""
 MOST_CORNERS = 64
@@ -33,8 +37,8 @@ class Order:
     """How the first of two plans stands to the second, over a whole box."""
 
     relation: str
-    """BETTER or WORSE: everywhere; EQUAL: everywhere as good; NEVER_WORSE or NEVER_BETTER: nowhere, but it was not proved
-    that it is nowhere as good; EITHER: somewhere better and somewhere worse; UNDECIDED: none of these was proved."""
+    """BETTER or WORSE: everywhere; EQUAL: everywhere as good; NEVER_WORSE or NEVER_BETTER: it was not proved that it is
+    nowhere as good; EITHER: somewhere better and somewhere worse; UNDECIDED: none of these was proved."""
     at_better: Point | None = None
     """Numbers with which the first is better."""
     at_worse: Point | None = None
@@ -46,14 +50,18 @@ class Order:
         return Order(OPPOSITE.get(self.relation, self.relation), self.at_worse, self.at_better, self.at_equal)
 
 
-def compare(first: Outlook, second: Outlook, box: Box, together: Mapping[str, str] = MappingProxyType({})) -> Order:
+def compare(
+    first: Outlook, second: Outlook, box: Box, together: Mapping[str, str] = MappingProxyType({}), paid: float = 1.0
+) -> Order:  # fmt: skip
     """Compare two plans for all numbers that a box holds.
 
+    paid: an amount as large as those that steps and the goal are paid with.  Near gamma 1 shifted worths are many times
+    as large, and so is their rounding: where it is not small beside what is paid, what looks the same is undecided.
     together: keys of numbers that one thing decides (a law of times, for legs of several lengths), with its name.  Then
     EITHER is shown by numbers that are as far along in all their intervals, and what holds for the whole box holds.
     """
     keys = [key for key in box if key in first.times or key in second.times]
-    search = _Search(first, second, {key: box[key] for key in keys}, together)
+    search = _Search(first, second, {key: box[key] for key in keys}, together, paid)
     search.look_at(_corners(search.box))
     unsettled = search.cleared([search.box], search.settles, lambda: bool(search.better and search.worse))
     return search.order(is_whole=not unsettled)
@@ -74,6 +82,22 @@ def consistent(point: Point, box: Box, together: Mapping[str, str]) -> Point:
         shares = along[together[key]]
         found[key] = low + (high - low) * sum(shares) / len(shares)
     return found
+
+
+def sign(first: Outlook, second: Outlook, point: Point, paid: float) -> int | None:
+    """1 where the first is better with these numbers, -1 where it is worse, 0 where it is as good; None where rounding
+    does not let it be told.
+    """
+    ahead = first.value(point) - second.value(point)
+    rounding = _rounding(first, second, {key: (number, number) for key, number in point.items()})
+    if abs(ahead) > rounding:
+        return 1 if ahead > 0 else -1
+    return 0 if rounding <= ALIKE * paid else None
+
+
+def _rounding(first: Outlook, second: Outlook, box: Box) -> float:
+    """By how much the difference of two plans may be wrong."""
+    return A_ROUNDING * sum(plan.roundings(box) * plan.in_size.bounds(box)[1] for plan in (first, second))
 
 
 def _corners(box: Box) -> Iterator[Point]:
@@ -107,6 +131,7 @@ class _Search:
     second: Outlook
     box: Box
     together: Mapping[str, str]
+    paid: float
     better: Point | None = None
     worse: Point | None = None
     equal: Point | None = None
@@ -135,11 +160,13 @@ class _Search:
     def settles(self, part: Box) -> bool:
         """Whether no more than one sign is possible in a part; numbers are remembered that show a sign."""
         low, high, rounding = self._seen(part)
-        if low < -rounding and high > rounding:
+        is_told_apart = low > rounding or high < -rounding
+        is_open = low < -rounding and high > rounding
+        if is_open or (rounding > ALIKE * self.paid and not is_told_apart):
             return False
         self.may_be_better |= high > rounding
         self.may_be_worse |= low < -rounding
-        if low <= rounding and high >= -rounding:
+        if not is_told_apart:
             self.loose.append(part)
         return True
 
@@ -152,12 +179,12 @@ class _Search:
         """Remember points that show which plan is better there."""
         for guess in points:
             point = consistent(guess, self.box, self.together)
-            sign = self._sign(point)
-            if sign > 0:
+            shown = sign(self.first, self.second, point, self.paid)
+            if shown == 1:
                 self.better = self.better or point
-            elif sign < 0:
+            elif shown == -1:
                 self.worse = self.worse or point
-            else:
+            elif shown == 0:
                 self.equal = self.equal or point
 
     def order(self, is_whole: bool) -> Order:
@@ -181,7 +208,7 @@ class _Search:
         low, high, at_low, at_high = difference(self.first, self.second, part)
         start = {key: ends[0] for key, ends in part.items()}
         self.look_at({**start, **guess} for guess in (at_low, at_high))
-        return low, high, ALIKE * max(abs(end) for plan in (self.first, self.second) for end in plan.bounds(part)[:2])
+        return low, high, _rounding(self.first, self.second, part)
 
     def _halves(self, part: Box) -> list[Box]:
         """Two parts of a part, by the number that is felt most; none where bounds are as narrow as can be."""
@@ -204,15 +231,10 @@ class _Search:
         """Whether the difference is linear in a number."""
         return all(key not in plan.powers and plan.times.get(key, 0) <= 1 for plan in (self.first, self.second))
 
-    def _sign(self, point: Point) -> int:
-        """1 where the first is better, -1 where it is worse."""
-        one, other = self.first.value(point), self.second.value(point)
-        return 0 if abs(one - other) <= ALIKE * max(abs(one), abs(other)) else 1 if one > other else -1
-
-    def _nearest(self, shown: Point, other: Point, sign: int) -> Point:
+    def _nearest(self, shown: Point, other: Point, wanted: int) -> Point:
         """Numbers of a sign, of which none can be left as where another sign was shown, one by one."""
         for key in shown:
             name = self.together.get(key, key)
             nearer = {**other, **{of: shown[of] for of in shown if self.together.get(of, of) == name}}
-            other = nearer if self._sign(nearer) == sign else other
+            other = nearer if sign(self.first, self.second, nearer, self.paid) == wanted else other
         return other
