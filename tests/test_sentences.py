@@ -9,7 +9,7 @@ from fractions import Fraction
 import pytest
 
 import qualrl
-from qualrl.answers.envision import SELDOM
+from qualrl.answers.answer import SELDOM
 from qualrl.answers.sureness import ORDERS
 from qualrl.qualitative.from_counts import Counts, Samples
 from tests.test_planning import LOOP

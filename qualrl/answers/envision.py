@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array, eye_array
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from qualrl.answers.answer import IMPOSSIBLE, Answer, likelihood
+from qualrl.answers.answer import SELDOM, Answer, likelihood
 from qualrl.answers.depth import Depth
 from qualrl.answers.policy import best_policy
 from qualrl.errors import NoPlanError, SettingError
@@ -30,8 +31,11 @@ GOAL = GOAL_HERE
 """Instead of a doorway: the goal, in the region itself."""
 START = -1
 """Instead of the doorway that a region was entered by."""
-SELDOM = 0.001
-"""Branches that are never likelier are put in words by their number; JSON has all."""
+NEGLIGIBLE = 1e-12
+"""Branches that are never likelier are left out, and states attained by none but them; the others are not certain then.
+Branches below ``SELDOM`` are put in words by their number; JSON has them."""
+LEAST, MOST = float(np.finfo(float).smallest_normal), 1 - float(np.finfo(float).epsneg)
+"""Probabilities that are neither 0 nor 1, by the graph of moves, are not rounded to that either."""
 MOST_COURSES = 5
 """So many courses are put in words."""
 LONGEST_SEARCH = 100_000
@@ -95,7 +99,7 @@ class Envisioned(Answer):
         for course in self.courses[:MOST_COURSES]:
             places = " -> ".join(self.names[region] for region, _ in course.states)
             yield f"  {places}{depth.from_signs(f': {_bounds(course.least, course.most, depth)}')}"
-        if depth != Depth.NUMBERS and (len(self.courses) > MOST_COURSES or not self.has_all_courses):
+        if len(self.courses) > MOST_COURSES or not self.has_all_courses:
             yield "  and others"
 
     def _state_in_words(self, state: State, depth: Depth) -> str:
@@ -142,9 +146,15 @@ class Envisioned(Answer):
 def _bounds(least: float, most: float, depth: Depth) -> str:
     if depth != Depth.NUMBERS:
         return likelihood(least, most)
-    if least >= 1 - IMPOSSIBLE:
+    if least >= 1:
         return "surely"
-    return f"{least:.3g}" if most - least < IMPOSSIBLE else f"{least:.3g} to {most:.3g}"
+    low, high = (_probability(of) for of in (least, most))
+    return low if low == high else f"{low} to {high}"
+
+
+def _probability(of: float) -> str:
+    """With three digits, or more where fewer would make it 1."""
+    return next((text for text in (f"{of:.3g}", f"{of:.6g}") if text != "1"), "1" if of >= 1 else "almost 1")
 
 
 def envision(model: HybridMDP, start: int, names: tuple[str, str]) -> Envisioned:
@@ -188,9 +198,8 @@ class _Leaving:
         doors, chances = self._chances(region, cells)
         found = []
         for door, chance in zip(doors.tolist(), chances.T, strict=True):
-            if chance.max() > IMPOSSIBLE:
-                least, most = (float(min(max(of, 0.0), 1.0)) for of in (chance.min(), chance.max()))
-                found.append(self._branch(region, door, least, most))
+            if chance.max() > NEGLIGIBLE:
+                found.append(self._branch(region, door, float(chance.min()), float(chance.max())))
         return tuple(sorted(found, key=lambda branch: (-branch.most, branch.door or "")))
 
     def _branch(self, region: int, door: int, least: float, most: float) -> Branch:
@@ -222,7 +231,10 @@ class _Leaving:
         return doors, chances[np.searchsorted(inside, cells)]
 
     def _solved(self, region: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Of all cells of a region, by one sparse solve: h = P h + what leaves at once."""
+        """Of all cells of a region, by one sparse solve: h = P h + what leaves at once.
+
+        A robot that may slip can get to any cell that it can walk to, so that what is possible is told by the graph.
+        """
         model, world = self.model, self.model.grid
         inside = np.flatnonzero(model.region_of == region)
         if len(inside) > MOST_CELLS:
@@ -247,6 +259,12 @@ class _Leaving:
         at_once = np.zeros((n, len(doors)))
         np.add.at(at_once, (row[~stays], np.searchsorted(doors, door[~stays])), chances[~stays])
         solved = splu((eye_array(n, format="csc") - within).tocsc()).solve(at_once)
+        _, part = connected_components(within)
+        ways = np.zeros((part.max() + 1, len(doors)), np.bool_)
+        np.logical_or.at(ways, part, at_once > 0)
+        possible = ways[part]
+        solved = np.where(possible, np.clip(solved, LEAST, MOST), 0.0)
+        solved[possible & (possible.sum(axis=1, keepdims=True) == 1)] = 1.0
         solved[over] = doors == GOAL
         return doors, solved
 
@@ -261,7 +279,7 @@ def _courses(branches: dict[State, tuple[Branch, ...]], first: State) -> tuple[t
         if looked > LONGEST_SEARCH:
             break
         for branch in branches[states[-1]]:
-            ahead = least * branch.least, most * branch.most
+            ahead = least * branch.least, max(most * branch.most, LEAST)
             if branch.to is None:
                 found.append(Course(states, *ahead))
             elif branch.to not in states:
