@@ -1,9 +1,10 @@
 """What may happen under the best policy, region by region: the attainable qualitative states and their branches.
 
 A qualitative state is a region and the doorway by which it was entered.  Which doorway it is left by may hang on the
-cell where one comes in, and where moves slip on chance: so a branch has a least and a greatest probability over those
-cells, and it is shown as long as it is possible.  The next state is left open to no more than that: bounds of a course
-of states multiply.
+cell where one comes in, on which of several ways that are as good is taken, and where moves slip on chance: so a branch
+has a least and a greatest probability over those cells and ways, and it is shown as long as it is possible.  (Where
+moves slip, of moves that are as good the first is made.)  The next state is left open to no more than that: bounds of a
+course of states multiply.
 """
 
 from collections.abc import Iterator
@@ -22,7 +23,7 @@ from qualrl.answers.policy import best_policy
 from qualrl.errors import NoPlanError, SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.crossings import doors_passed
-from qualrl.planning.exits import GOAL_HERE, exits
+from qualrl.planning.exits import GOAL_HERE, ExitsAsGood, exits
 from qualrl.qualitative.graph import crossings_of
 from qualrl.solving.exact import ExactValues, exact_values
 from qualrl.spatial.region_map import RegionMap
@@ -191,7 +192,7 @@ class _Leaving:
         if model.grid.slip > 0:
             self.moves = best_policy(model, exact)
         else:
-            self.exits = exits(model, regions, exact)
+            self.exits, self.as_good = exits(model, regions, exact), ExitsAsGood(model, regions, exact)
 
     def branches(self, region: int, cells: NDArray[np.int64]) -> tuple[Branch, ...]:
         """The ways on from some cells of a region."""
@@ -217,13 +218,12 @@ class _Leaving:
         return np.array(sorted({int(world.state_of[ends[side]]) for ends in crossings_of(self.regions, of)}), np.int64)
 
     def _chances(self, region: int, cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Doorways (D,), and (n, D) the probability to leave by each from each cell."""
+        """Doorways (D,), and (n, D) probabilities to leave by each that are possible, from each cell or by each way."""
         if self.model.grid.slip == 0:
-            found = self.exits[cells].astype(np.int64)
-            if (found < GOAL).any():
+            if (self.exits[cells] < GOAL).any():
                 raise NoPlanError(f"gamma {self.model.gamma} fades to nothing on the way; choose gamma nearer to 1")
-            doors = np.unique(found)
-            return doors, (found[:, None] == doors).astype(np.float64)
+            ways = np.array(sorted(self.as_good.of(cells)), np.int64)
+            return ways, np.ones((1, 1)) if len(ways) == 1 else np.array([[0.0], [1.0]]).repeat(len(ways), axis=1)
         if region not in self.known:
             self.known[region] = self._solved(region)
         doors, chances = self.known[region]
