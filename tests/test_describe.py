@@ -206,6 +206,9 @@ def test_the_command_describes_and_refuses(tmp_path):
         assert f"{at['length_m']:.2f} m" in told
     for mark in route["landmarks"]:
         assert mark["kind"] == "centre" or f"{mark['name']} at {mark['at_m']:.2f} m" in told
+    from_door = "--from", "door 1", "--to", "2,20"
+    told = qualrl_command("describe", "rooms.yaml", *from_door, cwd=tmp_path)[0].partition("On the way")[2]
+    assert told.count("door 1 at 0.00 m") == told.count("door 1") == 1
     for wrong in (["--from", "2,3"], ["--of", "room A", "--from", "2,3", "--to", "2,20"]):
         _, error = qualrl_command("describe", "rooms.yaml", *wrong, cwd=tmp_path, expect=2)
         assert error == "qualrl: say either --of NAME, or both --from PLACE and --to PLACE, or none of them\n"

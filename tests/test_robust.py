@@ -11,6 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import qualrl
+from qualrl.answers.known import between
 from qualrl.answers.rivals import rivals
 from qualrl.answers.uncertain import Uncertain
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError
@@ -289,6 +290,14 @@ def test_counts_and_measured_times_are_told_with_their_confidence():
         assert answer.box[key] == Samples((1.0, 1.5, 0.8)).interval(GAMMA**steps, 0.95)
 
 
+@pytest.mark.parametrize(
+    ("ends", "told"),
+    [((-4.595251, -4.5952506), "-4.59525"), ((0.5, 0.5), "0.5"), ((0.25, 1), "0.25 to 1"), ((-1e-9, 0), "-1e-09 to 0")],
+)
+def test_an_interval_whose_ends_read_the_same_is_told_as_one_number(ends, told):
+    assert between(*ends) == told
+
+
 def test_more_ways_than_are_told_are_bounded():
     model = model_of((1, 1), (1, 24))
     every = qualrl.questions.robust(model, times={"*": (1, 2)})
@@ -404,7 +413,7 @@ def test_the_command_answers_and_refuses(tmp_path):
     for number, way in enumerate(ways, 1):
         line = next(line for line in said if line.startswith(f"Way {number}: "))
         assert f"{' -> '.join(way['places'])} ({way['steps']} steps" in line
-        assert f"worth {way['least']:.6g} to {way['most']:.6g}" in line
+        assert f"worth {between(way['least'], way['most'])}" in line
     assert (
         f"Best in the worst case: way {document['safest']}, worth at least {max(way['least'] for way in ways):.6g}."
         in said

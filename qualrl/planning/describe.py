@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from qualrl.planning.on_the_way import REACH_M, SIDES, Passage, QuantitySpace, landmarks_passed, passages
+from qualrl.planning.on_the_way import ENDS, REACH_M, SIDES, Passage, QuantitySpace, landmarks_passed, passages
 from qualrl.planning.routes import Route, Routes
 from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.region_map import CENTRE, RegionMap
@@ -36,7 +36,11 @@ class Walk:
         yield f"From {self.start} to {self.goal}: {self.route.length_m:.2f} m."
         for number, at in enumerate(self.passages, 1):
             yield f"{number}. In {at.region}, {self._told(at)}."
-        told = [mark for mark in self.space.marks if mark.kind != CENTRE]
+        ends = (self.start, self.goal)  # told as such, doorways too
+        told = [
+            mark for mark in self.space.marks
+            if mark.kind != CENTRE and (mark.kind in ENDS or mark.name not in ends)
+        ]  # fmt: skip
         yield (
             f"On the way, within {REACH_M:g} m: "
             + ", ".join(f"{mark.name} at {self._far(mark.step)}" for mark in told)
