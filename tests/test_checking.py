@@ -18,6 +18,7 @@ from qualrl.qualitative.conflicts import conflicts, smallest_conflict
 from qualrl.qualitative.statements import CONNECTED, SPELLINGS, Statement, read_statement
 from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.relations import Relations
+from qualrl.spatial.zones import Zone
 from tests import oracles_relations as oracles
 from tests.command_here import qualrl as qualrl_command
 from tests.test_calculi import seen_from
@@ -270,6 +271,15 @@ def rooms():
     regions = qualrl.segment(grid_of(TWO_ROOMS))
     west, east = sorted(regions.region_names, key=regions.relations.middle)
     return regions.renamed({west: "west room", east: "east room"})
+
+
+def test_what_is_the_same_is_not_told_as_inside():
+    regions = regions_of([[0, 0, 1]])
+    relations = Relations(regions, [Zone("dock", regions.label == 0)])
+    for claim in ("dock inside region 0", "dock contains region 0", "dock the same as region 0"):
+        (judged,) = check(relations, read(claim), CUTS).judged
+        assert judged.holds
+        assert judged.because == "dock is the same as region 0 (EQ)"
 
 
 def test_claims_about_a_map_are_judged_with_reasons(rooms):

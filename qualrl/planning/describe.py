@@ -12,11 +12,12 @@ from qualrl.planning.on_the_way import ENDS, REACH_M, SIDES, Passage, QuantitySp
 from qualrl.planning.routes import Route, Routes
 from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.region_map import CENTRE, RegionMap
-from qualrl.spatial.relations import Relations
+from qualrl.spatial.relations import AROUND, Relations
 from qualrl.spatial.topology import RCC8_WORDS
 
 MOST_LINES = 40
 MOST_NEIGHBOURS = 8
+NOWHERE_BEYOND = {"middle": "within its bounds", AROUND: "on several sides"}
 TURNS = {"straight": "you go straight on", "left": "you turn left", "right": "you turn right", "back": "you turn back"}
 
 
@@ -124,7 +125,7 @@ class Description:
         if not (relations.is_region(of) and relations.is_region(seen_from)):
             words.append(RCC8_WORDS[relations.topology(of, seen_from)] + " it")
         tile, walk_m = relations.direction(of, seen_from), relations.distance_m(of, seen_from)
-        words.append(tile if tile != "middle" else "within its bounds")
+        words.append(NOWHERE_BEYOND.get(tile, tile))
         words.append(self.cuts.name(walk_m) + (f", {walk_m:.1f} m" if walk_m < math.inf else ", no way"))
         return words + [f"by {' and '.join(doors)}" for doors in [relations.doorways(of, seen_from)] if doors]
 

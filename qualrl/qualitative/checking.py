@@ -17,7 +17,8 @@ from qualrl.qualitative.calculus import Calculus, Relation, algebraic_closure, c
 from qualrl.qualitative.conflicts import Numbers, conflicts
 from qualrl.qualitative.statements import CONNECTED, Statement
 from qualrl.spatial.nearness import DistanceCuts
-from qualrl.spatial.relations import Relations
+from qualrl.spatial.relations import HALF, Relations
+from qualrl.spatial.topology import RCC8_WORDS
 
 CARDINAL = {
     "north": ("N", "NE", "NW"), "east": ("E", "NE", "SE"), "south": ("S", "SE", "SW"), "west": ("W", "NW", "SW"),
@@ -29,7 +30,6 @@ RCC8 = {
     "inside": ("TPP", "NTPP", "EQ"), "contains": ("TPPi", "NTPPi", "EQ"), "the same as": ("EQ",),
 }  # fmt: skip
 DISTANCES = {"near": "near", "at medium distance from": "medium", "far from": "far"}
-HALF = 0.5
 
 
 @dataclass(frozen=True)
@@ -286,8 +286,7 @@ def _measured(relations: Relations, of: Statement, cuts: DistanceCuts) -> tuple[
         finite = {"walk_m": walk_m if walk_m < math.inf else None, "distance": name}
         return name == DISTANCES[of.relation], f"{far} {name}", finite
     rcc8 = relations.topology(a, b)
-    words = next(word for word, names in RCC8.items() if rcc8 in names and word != CONNECTED)
-    return rcc8 in RCC8[of.relation], f"{a} {_linked(words)} {b} ({rcc8})", {"rcc8": rcc8}
+    return rcc8 in RCC8[of.relation], f"{a} {_linked(RCC8_WORDS[rcc8])} {b} ({rcc8})", {"rcc8": rcc8}
 
 
 def _counted(count: int, one: str, many: str = "s") -> str:

@@ -22,6 +22,11 @@ from qualrl.spatial.zones import Zone
 
 TILES = ("north-west", "north", "north-east", "west", "middle", "east", "south-west", "south", "south-east")
 """The nine tiles that the sides of the box around a place divide the plane into, as one reads."""
+SIDES = ("north", "west", "east", "south")
+HALF = 0.5
+"""A place lies in a direction if more than this share of its cells does."""
+AROUND = "around"
+"""The direction of what lies in none, and not between the sides of the other's box either."""
 DIGITS = 6
 """Coordinates are rounded to so many, far below a cell, since turning leaves errors in the last digits."""
 
@@ -53,8 +58,16 @@ class Relations:
         return {tile: float(count / counts.sum()) for tile, count in zip(TILES, counts, strict=True) if count}
 
     def direction(self, of: str, seen_from: str) -> str:
-        """The tile with most of a place's cells, seen from another one; of equal ones the first of TILES."""
-        return TILES[int(self._tiles[self.number(of), self.number(seen_from)].argmax())]
+        """Where most of a place lies, seen from another one: one of TILES, or AROUND where more than half lies nowhere.
+
+        A corner, if more than half lies in its tile; else the side beyond which most lies, if that is more than half.
+        """
+        counts = self._tiles[self.number(of), self.number(seen_from)]
+        most = int(counts.argmax())
+        if counts[most] > HALF * counts.sum():
+            return TILES[most]
+        side = max(SIDES, key=lambda side: self.share_towards(side, of, seen_from))
+        return side if self.share_towards(side, of, seen_from) > HALF else AROUND
 
     def share_towards(self, direction: str, of: str, seen_from: str) -> float:
         """The share of a place's cells beyond another one, in a direction.
