@@ -78,6 +78,11 @@ class Relations:
         beyond = [direction in (tile, *tile.split("-")) for tile in TILES]
         return float(counts[beyond].sum() / counts.sum())
 
+    def extent(self, of: str, axis: int) -> tuple[float, float, float]:
+        """Where a place's cells begin, their median, and where they end; axis: 0 to the east, 1 to the north."""
+        low, high = self._boxes[self.number(of), 2 * axis : 2 * axis + 2].tolist()
+        return low, self.middle(of)[axis], high
+
     def middle(self, of: str) -> tuple[float, float]:
         """The median of a place's cells east, and that north."""
         east, north = self._middles[self.number(of)].tolist()
@@ -143,13 +148,18 @@ class Relations:
     @cached_property
     def _tiles(self) -> NDArray[np.int64]:
         """(P, P, 9) how many cells of the first place lie in which tile around the second."""
-        boxes = np.array([[e.min(), e.max(), n.min(), n.max()] for e, n in self._coordinates])
-        return np.array([tile_counts(east, north, boxes) for east, north in self._coordinates])
+        return np.array([tile_counts(east, north, self._boxes) for east, north in self._coordinates])
+
+    @cached_property
+    def _boxes(self) -> Floats:
+        """(P, 4) how far west, east, south and north the cells of each place reach."""
+        return np.array([[e.min(), e.max(), n.min(), n.max()] for e, n in self._coordinates])
 
     @cached_property
     def _middles(self) -> Floats:
         """(P, 2)"""
-        return np.array([[np.median(east), np.median(north)] for east, north in self._coordinates])
+        found = np.array([[np.median(east), np.median(north)] for east, north in self._coordinates])
+        return np.round(found, DIGITS + 1)  # of two middle cells the mean, which leaves errors too
 
     @cached_property
     def _steps(self) -> NDArray[np.int32]:
