@@ -16,6 +16,7 @@ from qualrl.qualitative.calculus import algebraic_closure, calculus
 from qualrl.qualitative.checking import check, distance_calculus
 from qualrl.qualitative.conflicts import conflicts, smallest_conflict
 from qualrl.qualitative.statements import CONNECTED, DIRECTIONS, SPELLINGS, Statement, read_statement
+from qualrl.qualitative.whereabouts import is_ordered
 from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.relations import Relations
 from qualrl.spatial.zones import Zone
@@ -237,6 +238,13 @@ def maps_with_any_x(regions, cells):
         mask = np.zeros(regions.grid.shape, np.bool_)
         mask[tuple(cells[[at for at in range(len(cells)) if chosen >> at & 1]].T)] = True
         yield Relations(regions, [Zone("x", mask)])
+
+
+@given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4), st.booleans()), max_size=8))
+def test_points_can_be_ordered_where_algebraic_closure_says_so(orders):
+    point = calculus("point")
+    said = [(low, high, point.relation(*("<" if is_less else "<="))) for low, high, is_less in orders]
+    assert is_ordered(5, orders) == (algebraic_closure(point, 5, said) is not None)
 
 
 @settings(deadline=None, max_examples=100)

@@ -2,15 +2,19 @@
 
 Along each axis (east, north) a place has three points: where its cells begin, their median, where they end.  More than
 half of a place lies beyond a side of another one: then its median does; what lies inside another place begins and ends
-no further out.  Such statements, and the map's places, are a network of the calculus of points, which algebraic closure
-decides.  Beside it tiles are looked at: of what is inside a region on the map nothing can lie in a tile that the region
-has no cell in, and all of it does where all of the region does.
+no further out.  Such statements, and the map's places, say of points that one is less than another, or no more.  Of the
+calculus of points that is a part in which algebraic closure comes down to this: they clash where they lead in a circle
+with a "less" in it.  Tiles are looked at, too: of what is inside a region on the map nothing can lie in a tile that the
+region has no cell in, and all of it does where all of the region does.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import permutations
+from itertools import pairwise
 
-from qualrl.qualitative.calculus import Constraint, Network, Relation, algebraic_closure, calculus
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
 from qualrl.qualitative.conflicts import Numbers
 from qualrl.qualitative.statements import Statement
 from qualrl.spatial.relations import HALF, Relations
@@ -21,8 +25,9 @@ AXES = (("west", "east"), ("south", "north"))
 """Directions in which coordinates fall, and grow."""
 WITHIN, AROUND, SAME, OVERLAPS = "inside", "contains", "the same as", "overlaps"
 
-Pairs = list[tuple[int, int, Relation]]
-"""Points of a first and a second place, and how the first point lies to the second."""
+Order = tuple[int, int, bool]
+"""Two points, the first no more than the second; and whether it is less.  A place's points are three times its number
+and one of POINTS."""
 
 
 def tells(of: Statement) -> bool:
@@ -35,64 +40,62 @@ def consistency(statements: Sequence[Statement], relations: Relations | None) ->
     names = list(dict.fromkeys(name for one in statements for name in one.names))
     number = {name: at for at, name in enumerate(names)}
     known = [name for name in names if relations is not None and name in relations.names]
-    point = calculus("point")
-    networks = [
-        algebraic_closure(point, 3 * len(names), _facts(number, known, relations, axis)) for axis in range(len(AXES))
-    ]
-
-    def said(one: Statement, axis: int) -> Iterator[Constraint]:
-        for first, second, relation in _points(one, axis):
-            yield 3 * number[one.subject] + first, 3 * number[one.object] + second, relation
-
-    def fits(told: Sequence[Statement], axis: int, network: Network | None) -> bool:
-        constraints = [of for one in told for of in said(one, axis)]
-        return algebraic_closure(point, 3 * len(names), constraints, network) is not None
+    facts = [[*_facts(number, known, relations, axis)] for axis in range(len(AXES))]
+    said = [[[*_orders(one, number, axis)] for one in statements] for axis in range(len(AXES))]
 
     def is_consistent(chosen: Numbers) -> bool:
-        told = [statements[at] for at in sorted(chosen)]
-        if not all(fits(told, axis, network) for axis, network in enumerate(networks)):
-            return False
-        return relations is None or _fit_tiles(told, known, relations)
+        for shown, told in zip(facts, said, strict=True):
+            if not is_ordered(3 * len(names), shown + [order for at in chosen for order in told[at]]):
+                return False
+        return relations is None or _fit_tiles([statements[at] for at in chosen], known, relations)
 
     return is_consistent
 
 
-def _points(of: Statement, axis: int) -> Pairs:
+def is_ordered(points: int, orders: Sequence[Order]) -> bool:
+    """Whether points can be numbers of these orders: no circle of them has a "less" in it."""
+    if not orders:
+        return True
+    low, high, is_less = np.array(orders, np.int64).T
+    graph = csr_array((np.ones(len(low), np.int32), (low, high)), shape=(points, points))
+    _, circle = connected_components(graph, connection="strong")
+    return not (is_less.astype(bool) & (circle[low] == circle[high])).any()
+
+
+def _orders(of: Statement, number: dict[str, int], axis: int) -> list[Order]:
     """What a statement says of the points of its two places along an axis."""
-    point = calculus("point")
-    less, same = point.relation("<"), point.relation("=")
-    no_more, no_less, more = less | same, same | point.relation(">"), point.relation(">")
+    one, other = (3 * number[name] for name in of.names)
     if of.negated:
         return []
     if of.direction is not None:
-        falling, growing = AXES[axis]
-        ways = of.direction.split("-")
-        return [(MEDIAN, END, more)] * (growing in ways) + [(MEDIAN, BEGIN, less)] * (falling in ways)
+        falling, growing = (way in of.direction.split("-") for way in AXES[axis])
+        return [(other + END, one + MEDIAN, True)] * growing + [(one + MEDIAN, other + BEGIN, True)] * falling
+    within = [(other + BEGIN, one + BEGIN, False), (one + END, other + END, False)]
+    around = [(one + BEGIN, other + BEGIN, False), (other + END, one + END, False)]
+    medians = [(one + MEDIAN, other + MEDIAN, False), (other + MEDIAN, one + MEDIAN, False)]
     return {
-        WITHIN: [(BEGIN, BEGIN, no_less), (END, END, no_more)],
-        AROUND: [(BEGIN, BEGIN, no_more), (END, END, no_less)],
-        SAME: [(at, at, same) for at in POINTS],
-        OVERLAPS: [(BEGIN, END, no_more), (END, BEGIN, no_less)],
-    }[of.relation]
+        WITHIN: within, AROUND: around, SAME: within + around + medians,
+        OVERLAPS: [(one + BEGIN, other + END, False), (other + BEGIN, one + END, False)],
+    }[of.relation]  # fmt: skip
 
 
 def _facts(
     number: dict[str, int], known: Sequence[str], relations: Relations | None, axis: int
-) -> Iterator[Constraint]:  # fmt: skip
-    """How points lie to each other along an axis: those of each place, and all of the places on the map."""
-    point = calculus("point")
-    no_more = point.relation("<", "=")
+) -> Iterator[Order]:  # fmt: skip
+    """The order of the points of each place, and of all points of the places on the map, along an axis."""
     for at in number.values():
-        yield 3 * at + BEGIN, 3 * at + MEDIAN, no_more
-        yield 3 * at + MEDIAN, 3 * at + END, no_more
+        yield 3 * at + BEGIN, 3 * at + MEDIAN, False
+        yield 3 * at + MEDIAN, 3 * at + END, False
     if relations is None:
         return
-    places = [
-        (3 * number[name] + at, where)
+    places = sorted(
+        (where, 3 * number[name] + at)
         for name in known for at, where in zip(POINTS, relations.extent(name, axis), strict=True)
-    ]  # fmt: skip
-    for (one, where), (other, there) in permutations(places, 2):
-        yield one, other, point.relation("<" if where < there else ">" if where > there else "=")
+    )  # fmt: skip
+    for (where, one), (there, other) in pairwise(places):
+        yield one, other, where < there
+        if where == there:
+            yield other, one, False
 
 
 def _fit_tiles(told: Sequence[Statement], known: Sequence[str], relations: Relations) -> bool:
