@@ -89,14 +89,15 @@ def sign(first: Outlook, second: Outlook, point: Point, paid: float) -> int | No
     does not let it be told.
     """
     ahead = first.value(point) - second.value(point)
-    rounding = _rounding(first, second, {key: (number, number) for key, number in point.items()})
+    here = {key: (number, number) for key, number in point.items()}
+    rounding = A_ROUNDING * sum(plan.roundings(here) * plan.in_size.value(point) for plan in (first, second))
     if abs(ahead) > rounding:
         return 1 if ahead > 0 else -1
     return 0 if rounding <= ALIKE * paid else None
 
 
 def _rounding(first: Outlook, second: Outlook, box: Box) -> float:
-    """By how much the difference of two plans may be wrong."""
+    """By how much the difference of two plans may be wrong, whatever numbers the box holds."""
     return A_ROUNDING * sum(plan.roundings(box) * plan.in_size.bounds(box)[1] for plan in (first, second))
 
 
