@@ -73,7 +73,7 @@ class Robot:
     def worth(self, way: Sequence[str], chance: Mapping[str, float], times: Mapping[str, float]) -> float | None:
         """Expected return of a way whose doorways are open by chance; None where two ways round are as short."""
         try:
-            return self._expected(self.start, tuple(way), 0.0, frozenset(), frozenset(), chance, times)
+            return self._expected(self.start, tuple(way), 0, frozenset(), frozenset(), chance, times)
         except AmbiguousError:
             return None
 
@@ -101,7 +101,7 @@ class Robot:
         return self._expected(cell, found[0], time, opened, shut, chance, times)
 
     def _takes(self, region, steps, times):
-        return steps * times.get(region, 1.0) if steps > 1 else steps
+        return steps * times.get(region, 1) if steps > 1 else steps
 
     def _paid(self, time):
         """1 for each unit of time but the last, which brings the goal's reward."""

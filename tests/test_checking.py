@@ -1,7 +1,7 @@
 """Claims in words: read back, judged cell by cell, and never in clash where some map shows them all."""
 
 import json
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 import pytest
@@ -15,9 +15,11 @@ from qualrl.qualitative import conflicts as conflicts_module
 from qualrl.qualitative.calculus import algebraic_closure, calculus
 from qualrl.qualitative.checking import check, distance_calculus
 from qualrl.qualitative.conflicts import conflicts, smallest_conflict
-from qualrl.qualitative.statements import CONNECTED, SPELLINGS, Statement, read_statement
+from qualrl.qualitative.statements import CONNECTED, DIRECTIONS, SPELLINGS, Statement, read_statement
+from qualrl.qualitative.whereabouts import is_ordered
 from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.relations import Relations
+from qualrl.spatial.zones import Zone
 from tests import oracles_relations as oracles
 from tests.command_here import qualrl as qualrl_command
 from tests.test_calculi import seen_from
@@ -195,6 +197,126 @@ def test_verdicts_are_those_of_the_cells_and_what_is_true_never_clashes(drawn):
     assert check(relations, half, CUTS).clashes == ()
 
 
+LIES = [f"{way} of" for way in DIRECTIONS]
+HOLDS = ["inside", "contains", "the same as", "overlaps"]
+
+
+def all_true(relations, names):
+    """All claims about directions, and about what is inside what, that hold on a map, denials too."""
+    said = (
+        Statement("claim", one, relation, other, negated)
+        for one, other in permutations(names, 2) for relation in (*LIES, *HOLDS) for negated in (False, True)
+    )  # fmt: skip
+    return [claim for claim in said if holds_on(relations, claim, CUTS) is not claim.negated]
+
+
+@settings(deadline=None, max_examples=25)
+@given(labelled(), st.data())
+def test_true_claims_of_directions_and_of_what_is_inside_what_never_clash(drawn, data):
+    """Of places some of which are left off the map."""
+    regions, zones = drawn
+    free = np.argwhere(regions.grid.free)
+    part = np.zeros(regions.grid.shape, np.bool_)
+    holder = regions.label == data.draw(st.integers(0, len(regions.regions) - 1))
+    part[tuple(np.array(data.draw(st.lists(st.sampled_from(np.argwhere(holder).tolist()), min_size=1))).T)] = True
+    whole = part.copy()
+    whole[tuple(np.array(data.draw(st.lists(st.sampled_from(free.tolist()), min_size=1))).T)] = True
+    relations = Relations(regions, [*zones, Zone("part", part), Zone("whole", whole), Zone("twin", part)])
+    true = all_true(relations, relations.names)
+    known = data.draw(st.sets(st.sampled_from(relations.names)))
+    assert check(relations, [renamed(claim, "there", known) for claim in true], CUTS).clashes == ()
+
+
+MAPS_OF_EIGHT = st.lists(st.sampled_from([-1, 0, 0, 1, 1]), min_size=8, max_size=8).filter(
+    lambda cells: {0, 1} <= {*cells}
+)
+
+
+def maps_with_any_x(regions, cells):
+    """The map with each set of some cells (N, 2) for a zone, one after the other."""
+    for chosen in range(1, 2 ** len(cells)):
+        mask = np.zeros(regions.grid.shape, np.bool_)
+        mask[tuple(cells[[at for at in range(len(cells)) if chosen >> at & 1]].T)] = True
+        yield Relations(regions, [Zone("x", mask)])
+
+
+@given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4), st.booleans()), max_size=8))
+def test_points_can_be_ordered_where_algebraic_closure_says_so(orders):
+    point = calculus("point")
+    said = [(low, high, point.relation(*("<" if is_less else "<="))) for low, high, is_less in orders]
+    assert is_ordered(5, orders) == (algebraic_closure(point, 5, said) is not None)
+
+
+@settings(deadline=None, max_examples=100)
+@given(
+    MAPS_OF_EIGHT,
+    st.lists(
+        st.tuples(
+            st.sampled_from([("x", "region 0"), ("region 0", "x"), ("x", "region 1"), ("region 1", "x")]),
+            st.sampled_from([*LIES, *HOLDS]), st.booleans(),
+        ),
+        min_size=1, max_size=3,
+    ),
+    st.sampled_from([0.0, 0.3]),
+)  # fmt: skip
+def test_no_clash_of_what_some_set_of_cells_satisfies(cells, said, yaw):
+    """All sets of cells of a map of eight, one after the other."""
+    regions = regions_of(np.array(cells).reshape(2, 4), (0.0, 0.0, yaw))
+    claims = [Statement("claim", one, relation, other, negated) for (one, other), relation, negated in said]
+    found = check(Relations(regions), claims, CUTS)
+    assert not found.clashes or not any(
+        all(holds_on(relations, claim, CUTS) is not claim.negated for claim in claims)
+        for relations in maps_with_any_x(regions, np.argwhere(regions.grid.free))
+    )
+
+
+@settings(deadline=None, max_examples=25)
+@given(MAPS_OF_EIGHT, st.sampled_from([0.0, 0.3]))
+def test_a_place_inside_a_region_clashes_with_a_direction_that_no_part_of_the_region_has(cells, yaw):
+    regions = regions_of(np.array(cells).reshape(2, 4), (0.0, 0.0, yaw))
+    possible = set()
+    for relations in maps_with_any_x(regions, np.argwhere(regions.label == 1)):
+        possible |= {claim for claim in about_x() if holds_on(relations, claim, CUTS) is not claim.negated}
+    inside = Statement("claim", "x", "inside", "region 1")
+    for claim in about_x():
+        found = check(Relations(regions), [claim, inside], CUTS).clashes
+        assert [clash.members for clash in found] == ([] if claim in possible else [(0, 1)])
+
+
+def about_x():
+    """That it lies in each direction from region 0, and that it does not."""
+    return [Statement("claim", "x", way, "region 0", negated) for way in LIES for negated in (False, True)]
+
+
+def test_what_is_inside_a_region_lies_where_the_region_does():
+    """A claims file that was called free of clashes: room B lies west of room A."""
+    relations = Relations(
+        regions_of([[1, 1, 0], [1, 1, 2], [-1, 1, 2]]).renamed({"region 0": "room A", "region 1": "room B"})
+    )
+    for texts, members in (
+        (["Q east of room A", "Q inside room B"], (0, 1)),
+        (["Q west of room A", "Q inside room B"], None),
+        (["room B contains Q", "P inside Q", "room A west of P"], (0, 1, 2)),
+        (["Q inside room B", "Q not west of room A"], (0, 1)),
+        (["Q the same as room B", "Q south-west of room A"], None),
+        (["Q the same as room B", "Q not south-west of room A"], (0, 1)),
+        (["Q inside room B", "Q south-west of room A"], None),
+    ):
+        found = check(relations, read(*texts), CUTS)
+        assert [(clash.members, clash.about) for clash in found.clashes] == (
+            [(members, "directions and touching")] if members else []
+        ), texts
+        assert all(clash.with_map and clash.is_smallest for clash in found.clashes)
+
+
+def test_what_is_inside_a_region_lies_in_no_corner_that_the_region_is_not_in():
+    """The region goes round the corner; so it reaches north and west, but not north-west."""
+    relations = Relations(regions_of([[-1, -1, 0], [0, 0, 1]]))
+    for way, members in (("north-west", [(0, 1)]), ("north", []), ("west", [])):
+        claims = read("Q inside region 0", f"Q {way} of region 1", f"region 0 not {way} of region 1", "P near Q")
+        assert [clash.members for clash in check(relations, claims, CUTS).clashes] == members
+
+
 def renamed(claim, prefix, kept=()):
     """The same of places that are not on the map, but for those kept."""
     subject, other = (name if name in kept else f"{prefix} {name}" for name in claim.names)
@@ -244,7 +366,11 @@ def read(*texts):
     [
         (["a north of b", "c near a", "b north of c", "c north-west of a"], (0, 2, 3), "directions"),
         (["a inside b", "b apart from c", "a touches c"], (0, 1, 2), "touching"),
-        (["a inside b", "a south of b"], (0, 1), "touching"),
+        (["a inside b", "a south of b"], (0, 1), "directions and touching"),
+        (["a inside b", "c east of b", "a east of c"], (0, 1, 2), "directions and touching"),
+        (["a inside b", "b west of c", "a east of c"], None, ""),  # less than half of b may lie there
+        (["a west of b", "a east of x", "x overlaps b"], (0, 1, 2), "directions and touching"),
+        (["a the same as b", "a north of c", "c north of b"], (0, 1, 2), "directions and touching"),
         (["a connected to b", "b not connected to a"], (0, 1), "words"),
         (["a connected to b", "b not connected to a by door 1"], None, ""),
         (["a connected to b by door 1", "b not connected to a"], (0, 1), "words"),
@@ -270,6 +396,15 @@ def rooms():
     regions = qualrl.segment(grid_of(TWO_ROOMS))
     west, east = sorted(regions.region_names, key=regions.relations.middle)
     return regions.renamed({west: "west room", east: "east room"})
+
+
+def test_what_is_the_same_is_not_told_as_inside():
+    regions = regions_of([[0, 0, 1]])
+    relations = Relations(regions, [Zone("dock", regions.label == 0)])
+    for claim in ("dock inside region 0", "dock contains region 0", "dock the same as region 0"):
+        (judged,) = check(relations, read(claim), CUTS).judged
+        assert judged.holds
+        assert judged.because == "dock is the same as region 0 (EQ)"
 
 
 def test_claims_about_a_map_are_judged_with_reasons(rooms):

@@ -3,6 +3,7 @@ those of the numbers.
 """
 
 import json
+import math
 import re
 from fractions import Fraction
 
@@ -223,11 +224,12 @@ def test_envision(ends, motion):
     lines = signs.splitlines()[1:]
     for state, line in zip(document["states"], lines, strict=False):
         branches = [of for of in state["branches"] if of["most"] >= 0.001]
-        kinds = re.findall(r"\((certain|likely|possible)\)", line)
+        kinds = re.findall(r"\((certain|almost certain|likely|possible)\)", line)
         bounds = [(of["least"], of["most"]) for of in branches]
         assert len(kinds) == len(bounds)
         for kind, (least, _) in zip(kinds, bounds, strict=True):
-            assert kind == ("certain" if least >= 1 - 1e-12 else "likely" if least > 0.5 else "possible")
+            known = ((1, "certain"), (math.nextafter(0.999, 1), "almost certain"), (math.nextafter(0.5, 1), "likely"))
+            assert kind == next((word for bound, word in known if least >= bound), "possible")
 
 
 @settings(deadline=None, max_examples=30)

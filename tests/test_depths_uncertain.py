@@ -40,6 +40,8 @@ def test_robust(ends, uncertain):
         one, other = (f"way {at}" for at in order["ways"])
         words = {
             "better": f"Certain: {one} is better than {other},", "worse": f"Certain: {other} is better than {one},",
+            "never worse": f"Certain: {one} is never worse than {other}",
+            "never better": f"Certain: {other} is never worse than {one}",
             "equal": f"Certain: {one} and {other} are worth the same,",
             "either": f"Possible: {one} is better than {other} ",
             "undecided": f"Undecided: whether {one} or {other} is better.",

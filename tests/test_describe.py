@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 
 import qualrl
 from qualrl.errors import UnknownNameError
-from qualrl.planning.describe import MOST_LINES, describe, walk_between
+from qualrl.planning.describe import MOST_LINES, NOWHERE_BEYOND, describe, walk_between
 from qualrl.planning.on_the_way import REACH_M, Mark, QuantitySpace, turned
+from qualrl.qualitative.checking import check
+from qualrl.qualitative.statements import read_statement
 from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.region_map import Region, RegionMap
@@ -20,6 +22,7 @@ from qualrl.spatial.relations import Relations
 from qualrl.spatial.zones import Zone
 from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
+from tests.test_relations import regions_of
 from tests.worlds import grid_of, part_around
 
 # A corridor with a room above its left end, one below its right end, and one above its right end.
@@ -161,15 +164,33 @@ def test_every_number_of_the_sentences_stands_in_the_json():
     pairs = {(pair["of"], pair["seen_from"]): pair for pair in document["relations"]}
     (holder,) = [b for a, b in pairs if a == "dock" and pairs[a, b]["rcc8"] in ("TPP", "NTPP")]
     pair = pairs[holder, "dock"]
-    assert line == f"dock: {holder} (contains it, {pair['direction']}, {pair['distance']}, {pair['walk_m']:.1f} m)"
+    words = NOWHERE_BEYOND.get(pair["direction"], pair["direction"])
+    assert line == f"dock: {holder} (contains it, {words}, {pair['distance']}, {pair['walk_m']:.1f} m)"
     for line in document["sentences"][2:]:
         seen_from, _, told = line.partition(": ")
         for of, words in re.findall(r"([\w ]+?) \(([^)]*)\)", told):
             pair = pairs[of.strip(), seen_from]
             assert pair["distance"] in words
             assert f"{pair['walk_m']:.1f} m" in words
-            assert pair["direction"].replace("middle", "within its bounds") in words
+            assert NOWHERE_BEYOND.get(pair["direction"], pair["direction"]) in words
             assert all(door in words for door in pair["doorways"])
+
+
+def test_a_direction_that_is_told_is_one_that_holds_as_a_claim():
+    """An L around a room's corner lies south of it, but neither south-west nor west for the most part."""
+    label = [[1, 0, 0], [1, 0, 0], [1, 1, 1], [1, 1, 1], [-1, 2, 2]]
+    relations = Relations(regions_of(label), [])
+    answer = describe(relations, DistanceCuts(), of="region 0")
+    pairs = {pair["of"]: pair for pair in answer.to_dict()["relations"]}
+    assert pairs["region 1"]["shares"] == {"west": 0.25, "south-west": 0.25, "south": 0.5}
+    assert pairs["region 1"]["direction"] == "south"
+    for name, pair in pairs.items():
+        claim = read_statement(f"{name} {pair['direction']} of region 0")
+        assert check(relations, [claim], DistanceCuts()).holds
+        assert f"{name}: {pair['direction']}, " in answer.explain()
+    ring = regions_of([[1, 1, 1], [1, 0, 1], [1, 1, 1]])
+    assert "region 1: on several sides, " in describe(Relations(ring), DistanceCuts(), of="region 0").explain()
+    assert "region 0: within its bounds, " in describe(Relations(ring), DistanceCuts(), of="region 1").explain()
 
 
 def test_many_places_are_cut_short_for_people_only():
@@ -206,6 +227,9 @@ def test_the_command_describes_and_refuses(tmp_path):
         assert f"{at['length_m']:.2f} m" in told
     for mark in route["landmarks"]:
         assert mark["kind"] == "centre" or f"{mark['name']} at {mark['at_m']:.2f} m" in told
+    from_door = "--from", "door 1", "--to", "2,20"
+    told = qualrl_command("describe", "rooms.yaml", *from_door, cwd=tmp_path)[0].partition("On the way")[2]
+    assert told.count("door 1 at 0.00 m") == told.count("door 1") == 1
     for wrong in (["--from", "2,3"], ["--of", "room A", "--from", "2,3", "--to", "2,20"]):
         _, error = qualrl_command("describe", "rooms.yaml", *wrong, cwd=tmp_path, expect=2)
         assert error == "qualrl: say either --of NAME, or both --from PLACE and --to PLACE, or none of them\n"

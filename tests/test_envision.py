@@ -2,6 +2,7 @@
 
 import json
 
+import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,6 +10,8 @@ from hypothesis import strategies as st
 
 import qualrl
 from qualrl.answers import envision as questions
+from qualrl.answers.answer import likelihood
+from qualrl.answers.depth import Depth
 from qualrl.answers.envision import GOAL, START
 from qualrl.answers.policy import best_policy
 from qualrl.errors import NoPlanError, SettingError
@@ -17,6 +20,7 @@ from qualrl.solving.exact import exact_values
 from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
 from tests.test_planning import LOOP
+from tests.test_robust import RING
 from tests.test_what_if import crossed
 from tests.worlds import grid_of
 
@@ -79,6 +83,89 @@ def test_branches_of_slippery_ways_are_those_of_chances_carried_on(ends, slip):
             assert branch.most == pytest.approx(max(found), abs=1e-7)
 
 
+def walkable_exits(model, state):
+    """Doorways out of a state's region (GOAL for the goal in it) that some walk in the region comes to."""
+    world, region = model.grid, int(model.region_of[state])
+    door_of = {
+        frozenset(int(world.state_of[cell]) for cell in pair): at
+        for at, door in enumerate(REGIONS.doorways)
+        for pair in crossings_of(REGIONS, door)
+    }
+    if state == world.goal:
+        return {GOAL}
+    seen, stack, found = {state}, [state], set()
+    while stack:
+        here = stack.pop()
+        for there in map(int, world.successor[here]):
+            if there == world.goal and model.region_of[there] == region:
+                found.add(GOAL)
+            elif model.region_of[there] != region:
+                found.add(door_of[frozenset((here, there))])
+            elif there not in seen:
+                seen.add(there)
+                stack.append(there)
+    return found
+
+
+@settings(deadline=None, max_examples=25)
+@given(ENDS, st.sampled_from([1e-13, 0.001, 0.3]))
+def test_only_what_no_walk_can_avoid_is_certain_and_only_what_none_can_do_impossible(ends, slip):
+    model = qualrl.build(REGIONS, list(ends[1]), start=list(ends[0]), gamma=0.95, slip=slip)
+    answer = qualrl.questions.envision(model)
+    for state, branches in answer.branches.items():
+        each = [walkable_exits(model, cell) for cell in cells_of(model, state)]
+        for branch in branches:
+            key = GOAL if branch.to is None else branch.to[1]
+            assert (branch.least == 1) == all(found == {key} for found in each)
+            assert (branch.most == 1) == any(found == {key} for found in each)
+            assert (branch.least == 0) == any(key not in found for found in each)
+            assert any(key in found for found in each)
+    words = dict(zip(answer.branches, answer.explain("signs").splitlines()[1:], strict=False))
+    for state, line in words.items():
+        assert ("(certain)" in line) == any(branch.least == 1 for branch in answer.branches[state])
+        assert "impossible" not in line
+    assert not any(line.endswith(": impossible") for line in answer.explain("signs").splitlines())
+
+
+@pytest.mark.parametrize(
+    ("bounds", "told", "words"),
+    [
+        ((1.0, 1.0), "certain", "surely"),
+        ((1 - 7e-15, 1 - 7e-15), "almost certain", "almost 1"),
+        ((0.999999, 0.999999), "almost certain", "0.999999"),
+        ((0.96, 1.0), "likely", "0.96 to 1"),
+        ((0.0, 1.0), "possible", "0 to 1"),
+        ((0.5, 0.5 + 1e-9), "possible", "0.5"),
+        ((0.0, 5.85e-14), "almost impossible", "0 to 5.85e-14"),
+        ((0.0, 0.0), "impossible", "0"),
+    ],
+)
+def test_bounds_in_words(bounds, told, words):
+    assert likelihood(*bounds) == told
+    assert questions._bounds(*bounds, Depth.NUMBERS) == words
+
+
+def shortest_ways(model, cell):
+    """The doorways of each shortest way from a cell to the goal."""
+    graph = nx.Graph()
+    for here, there in ((a, int(b)) for a, ends in enumerate(model.grid.successor) for b in ends if a != int(b)):
+        graph.add_edge(here, there)
+    paths = nx.all_shortest_paths(graph, cell, model.grid.goal)
+    return {tuple(crossed(model, [model.cell_of(at) for at in path])) for path in paths}
+
+
+def test_of_two_ways_that_are_as_good_neither_is_sure():
+    regions = qualrl.segment(grid_of(RING))
+    model = qualrl.build(regions, [9, 19], start=[1, 1], gamma=0.95)
+    answer = qualrl.questions.envision(model)
+    start, *_ = answer.branches.values()
+    assert [(of.least, of.most) for of in start] == [(0.0, 1.0), (0.0, 1.0)]
+    assert len(answer.courses) == 2
+    assert all((course.least, course.most) == (0.0, 1.0) for course in answer.courses)
+    assert "surely" not in answer.explain().splitlines()[1]
+    assert "certain" not in answer.explain("signs").splitlines()[1]
+
+
 @settings(deadline=None, max_examples=25)
 @given(ENDS)
 def test_without_slips_branches_are_what_plans_do(ends):
@@ -92,10 +179,12 @@ def test_without_slips_branches_are_what_plans_do(ends):
                 continue
             doors = crossed(model, qualrl.plan(model, start=list(model.cell_of(cell))).path)
             taken.append(doors[0] if doors else None)
-        if len(set(taken)) == 1:
-            (branch,) = branches
-            assert (branch.least, branch.most) == (1.0, 1.0)
-        assert {branch.door for branch in branches} == set(taken)
+        doors = {branch.door for branch in branches}
+        assert doors >= set(taken)
+        assert {(of.least, of.most) for of in branches} == {(1.0 if len(doors) == 1 else 0.0, 1.0)}
+        ways = [way for cell in cells_of(model, state) for way in shortest_ways(model, cell)]
+        assert doors <= {way[0] if way else None for way in ways}
+        assert doors >= {way[0] if way else None for way in ways if len(way) == min(map(len, ways))}
     (likeliest, *_) = answer.courses
     assert likeliest.most == 1.0
     plan = qualrl.plan(model)

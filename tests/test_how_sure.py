@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import qualrl
+from qualrl.answers import sureness
 from qualrl.commands.learned import model_in, training_in
 from qualrl.errors import MapError, NoPlanError, ScenarioError, SettingError
 from qualrl.kernels import stepping
@@ -58,10 +59,10 @@ def judged(q, exact, tried):
     errors = abs(q[first] - exact[first]) + abs(q[second] - exact[second])
     if not (tried[first] and tried[second]):
         order = "untried"
+    elif (exact[first] if q[first] > q[second] else max(exact[first], exact[second])) < max(exact) - 1e-7:
+        order = "wrong"
     elif abs(exact[first] - exact[second]) < 1e-7:
         order = "equal"
-    elif exact[first] < exact[second] and q[first] > q[second]:
-        order = "wrong"
     else:
         order = "settled" if q[first] - q[second] > errors else "unsettled"
     return abs(max(q) - max(exact)), right, order
@@ -120,6 +121,30 @@ def test_every_number_is_that_of_the_textbook():
             algorithm in ("sarsa-lambda", "prioritized-sweeping")
         )
     assert seen == {"settled", "unsettled", "wrong", "equal", "untried"}
+
+
+@pytest.mark.parametrize(
+    ("held", "exact", "tried", "order"),
+    [
+        ((5.0, 4.0, 0.0), (5.0, 5.0, 9.0), (True, True, False), "wrong"),  # the best one was never tried
+        ((9.0, 4.0, 1.0), (6.0, 5.0, 7.0), (True, True, True), "wrong"),
+        ((5.0, 5.0, 0.0), (5.0, 4.0, 9.0), (True, True, True), "wrong"),
+        ((5.0, 5.0, 0.0), (5.0, 9.0, 1.0), (True, True, True), "unsettled"),
+        ((5.0, 4.0, 0.0), (9.0, 9.0, 9.0), (True, True, False), "equal"),
+        ((9.0, 4.0, 0.0), (9.0, 4.0, 9.0), (True, True, True), "settled"),
+        ((5.0, 4.0, 0.0), (5.0, 5.0, 9.0), (True, False, True), "untried"),
+    ],
+)
+def test_an_order_of_two_is_wrong_where_a_third_action_is_best(held, exact, tried, order):
+    found = sureness._order(*(np.array([row]) for row in (held, exact, tried)))
+    assert sureness.ORDERS[int(found[0])] == order
+    assert judged(held, exact, tried)[2] == order
+
+
+def test_where_what_is_held_for_best_is_not_the_order_is_not_called_right():
+    run = qualrl.train(model_of(), "q-learning", seed=3, alpha=0.3, episodes=60)
+    for part in run.how_sure().regions:
+        assert part.visited - part.optimal <= part.wrong + part.unsettled + part.untried
 
 
 def test_the_steps_are_those_of_the_learned_plan():

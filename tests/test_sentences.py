@@ -9,7 +9,7 @@ from fractions import Fraction
 import pytest
 
 import qualrl
-from qualrl.answers.envision import SELDOM
+from qualrl.answers.answer import SELDOM
 from qualrl.answers.sureness import ORDERS
 from qualrl.qualitative.from_counts import Counts, Samples
 from tests.test_planning import LOOP
@@ -101,7 +101,7 @@ def as_good_as(document):
     """How many steps the waits that were measured are worth, at the points where one way is better than another."""
     if not document.get("measured"):
         return set()
-    points = [order[kind] or {} for order in document["orders"] for kind in ("better_at", "worse_at")]
+    points = [order[kind] or {} for order in document["orders"] for kind in ("better_at", "worse_at", "equal_at")]
     points += [dict([order["change"]]) for order in document["orders"] if order["change"]]
     waits = {
         steps + math.log(point[key]) / math.log(document["gamma"])

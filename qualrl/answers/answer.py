@@ -12,8 +12,8 @@ ALIKE = 1e-9
 WORTH = ("worth less", "worth as much", "worth more")
 LIKELY = 0.5
 """A probability above this is likely."""
-IMPOSSIBLE = 1e-12
-"""Probabilities this small are rounding."""
+SELDOM = 0.001
+"""A probability below this is almost none."""
 ROW_AND_COLUMN = re.compile(r"\brow \d+, column \d+ in | \(row \d+, column \d+\)")
 """Of a start or goal without a name of its own: told by its region alone where numbers are not."""
 
@@ -48,10 +48,12 @@ def in_sign(difference: float, of: float, words: tuple[str, str, str]) -> str:
 
 
 def likelihood(least: float, most: float) -> str:
-    """What a probability between two bounds makes of something: impossible, possible, likely or certain."""
-    if most <= IMPOSSIBLE:
-        return "impossible"
-    return "certain" if least >= 1 - IMPOSSIBLE else "likely" if least > LIKELY else "possible"
+    """What a probability between two bounds makes of something; impossible and certain are those of 0 and 1 alone."""
+    if most <= 0 or least >= 1:
+        return "impossible" if most <= 0 else "certain"
+    if most < SELDOM:
+        return "almost impossible"
+    return "almost certain" if least > 1 - SELDOM else "likely" if least > LIKELY else "possible"
 
 
 def first_of(names: Sequence[str], most: int) -> str:

@@ -81,14 +81,19 @@ class Contingent:
         states = np.array(walk)
         moves = (world.successor[states[:-1]] == states[1:, None]).argmax(axis=1)
         rewards = world.move_reward[moves] - world.step_reward
+        amounts = abs(rewards)
         if walk[-1] == world.goal:
-            rewards[-1] = world.goal_reward - world.step_reward / (1 - world.gamma)
+            still = world.step_reward / (1 - world.gamma)
+            rewards[-1], amounts[-1] = world.goal_reward - still, abs(world.goal_reward) + abs(still)
         number = None
         if (found := self.uncertain.leg(region, world.gamma, steps)) is not None:
             number, self.box[found[0].key] = found
             if number.leg is None:
                 self.measured[number.key], self.together[number.key] = steps, region
-        return Outlook(float(rewards @ world.gamma ** np.arange(steps)), world.gamma**steps, after, number)
+        weights = world.gamma ** np.arange(steps)
+        return Outlook(
+            float(rewards @ weights), world.gamma**steps, after, number, amounts=float(amounts @ weights)
+        )  # fmt: skip
 
     def _blocked(self, door: str) -> set[tuple[int, int]]:
         """The steps that a shut doorway does not let pass."""

@@ -1,9 +1,10 @@
 """What may happen under the best policy, region by region: the attainable qualitative states and their branches.
 
 A qualitative state is a region and the doorway by which it was entered.  Which doorway it is left by may hang on the
-cell where one comes in, and where moves slip on chance: so a branch has a least and a greatest probability over those
-cells, and it is shown as long as it is possible.  The next state is left open to no more than that: bounds of a course
-of states multiply.
+cell where one comes in, on which of several ways that are as good is taken, and where moves slip on chance: so a branch
+has a least and a greatest probability over those cells and ways, and it is shown as long as it is possible.  (Where
+moves slip, of moves that are as good the first is made.)  The next state is left open to no more than that: bounds of a
+course of states multiply.
 """
 
 from collections.abc import Iterator
@@ -13,15 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array, eye_array
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from qualrl.answers.answer import IMPOSSIBLE, Answer, likelihood
+from qualrl.answers.answer import SELDOM, Answer, likelihood
 from qualrl.answers.depth import Depth
 from qualrl.answers.policy import best_policy
 from qualrl.errors import NoPlanError, SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.crossings import doors_passed
-from qualrl.planning.exits import GOAL_HERE, exits
+from qualrl.planning.exits import GOAL_HERE, ExitsAsGood, exits
 from qualrl.qualitative.graph import crossings_of
 from qualrl.solving.exact import ExactValues, exact_values
 from qualrl.spatial.region_map import RegionMap
@@ -30,8 +32,11 @@ GOAL = GOAL_HERE
 """Instead of a doorway: the goal, in the region itself."""
 START = -1
 """Instead of the doorway that a region was entered by."""
-SELDOM = 0.001
-"""Branches that are never likelier are put in words by their number; JSON has all."""
+NEGLIGIBLE = 1e-12
+"""Branches that are never likelier are left out, and states attained by none but them; the others are not certain then.
+Branches below ``SELDOM`` are put in words by their number; JSON has them."""
+LEAST, MOST = float(np.finfo(float).smallest_normal), 1 - float(np.finfo(float).epsneg)
+"""Probabilities that are neither 0 nor 1, by the graph of moves, are not rounded to that either."""
 MOST_COURSES = 5
 """So many courses are put in words."""
 LONGEST_SEARCH = 100_000
@@ -95,7 +100,7 @@ class Envisioned(Answer):
         for course in self.courses[:MOST_COURSES]:
             places = " -> ".join(self.names[region] for region, _ in course.states)
             yield f"  {places}{depth.from_signs(f': {_bounds(course.least, course.most, depth)}')}"
-        if depth != Depth.NUMBERS and (len(self.courses) > MOST_COURSES or not self.has_all_courses):
+        if len(self.courses) > MOST_COURSES or not self.has_all_courses:
             yield "  and others"
 
     def _state_in_words(self, state: State, depth: Depth) -> str:
@@ -142,9 +147,15 @@ class Envisioned(Answer):
 def _bounds(least: float, most: float, depth: Depth) -> str:
     if depth != Depth.NUMBERS:
         return likelihood(least, most)
-    if least >= 1 - IMPOSSIBLE:
+    if least >= 1:
         return "surely"
-    return f"{least:.3g}" if most - least < IMPOSSIBLE else f"{least:.3g} to {most:.3g}"
+    low, high = (_probability(of) for of in (least, most))
+    return low if low == high else f"{low} to {high}"
+
+
+def _probability(of: float) -> str:
+    """With three digits, or more where fewer would make it 1."""
+    return next((text for text in (f"{of:.3g}", f"{of:.6g}") if text != "1"), "1" if of >= 1 else "almost 1")
 
 
 def envision(model: HybridMDP, start: int, names: tuple[str, str]) -> Envisioned:
@@ -181,16 +192,15 @@ class _Leaving:
         if model.grid.slip > 0:
             self.moves = best_policy(model, exact)
         else:
-            self.exits = exits(model, regions, exact)
+            self.exits, self.as_good = exits(model, regions, exact), ExitsAsGood(model, regions, exact)
 
     def branches(self, region: int, cells: NDArray[np.int64]) -> tuple[Branch, ...]:
         """The ways on from some cells of a region."""
         doors, chances = self._chances(region, cells)
         found = []
         for door, chance in zip(doors.tolist(), chances.T, strict=True):
-            if chance.max() > IMPOSSIBLE:
-                least, most = (float(min(max(of, 0.0), 1.0)) for of in (chance.min(), chance.max()))
-                found.append(self._branch(region, door, least, most))
+            if chance.max() > NEGLIGIBLE:
+                found.append(self._branch(region, door, float(chance.min()), float(chance.max())))
         return tuple(sorted(found, key=lambda branch: (-branch.most, branch.door or "")))
 
     def _branch(self, region: int, door: int, least: float, most: float) -> Branch:
@@ -208,13 +218,12 @@ class _Leaving:
         return np.array(sorted({int(world.state_of[ends[side]]) for ends in crossings_of(self.regions, of)}), np.int64)
 
     def _chances(self, region: int, cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Doorways (D,), and (n, D) the probability to leave by each from each cell."""
+        """Doorways (D,), and (n, D) probabilities to leave by each that are possible, from each cell or by each way."""
         if self.model.grid.slip == 0:
-            found = self.exits[cells].astype(np.int64)
-            if (found < GOAL).any():
+            if (self.exits[cells] < GOAL).any():
                 raise NoPlanError(f"gamma {self.model.gamma} fades to nothing on the way; choose gamma nearer to 1")
-            doors = np.unique(found)
-            return doors, (found[:, None] == doors).astype(np.float64)
+            ways = np.array(sorted(self.as_good.of(cells)), np.int64)
+            return ways, np.ones((1, 1)) if len(ways) == 1 else np.array([[0.0], [1.0]]).repeat(len(ways), axis=1)
         if region not in self.known:
             self.known[region] = self._solved(region)
         doors, chances = self.known[region]
@@ -222,7 +231,10 @@ class _Leaving:
         return doors, chances[np.searchsorted(inside, cells)]
 
     def _solved(self, region: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Of all cells of a region, by one sparse solve: h = P h + what leaves at once."""
+        """Of all cells of a region, by one sparse solve: h = P h + what leaves at once.
+
+        A robot that may slip can get to any cell that it can walk to, so that what is possible is told by the graph.
+        """
         model, world = self.model, self.model.grid
         inside = np.flatnonzero(model.region_of == region)
         if len(inside) > MOST_CELLS:
@@ -247,6 +259,12 @@ class _Leaving:
         at_once = np.zeros((n, len(doors)))
         np.add.at(at_once, (row[~stays], np.searchsorted(doors, door[~stays])), chances[~stays])
         solved = splu((eye_array(n, format="csc") - within).tocsc()).solve(at_once)
+        _, part = connected_components(within)
+        ways = np.zeros((part.max() + 1, len(doors)), np.bool_)
+        np.logical_or.at(ways, part, at_once > 0)
+        possible = ways[part]
+        solved = np.where(possible, np.clip(solved, LEAST, MOST), 0.0)
+        solved[possible & (possible.sum(axis=1, keepdims=True) == 1)] = 1.0
         solved[over] = doors == GOAL
         return doors, solved
 
@@ -261,7 +279,7 @@ def _courses(branches: dict[State, tuple[Branch, ...]], first: State) -> tuple[t
         if looked > LONGEST_SEARCH:
             break
         for branch in branches[states[-1]]:
-            ahead = least * branch.least, most * branch.most
+            ahead = least * branch.least, max(most * branch.most, LEAST)
             if branch.to is None:
                 found.append(Course(states, *ahead))
             elif branch.to not in states:

@@ -34,8 +34,9 @@ def known_in_words(known: Uncertain, depth: Depth) -> Iterator[str]:
 
 
 def between(low: float, high: float) -> str:
-    """An interval, or the one number that it holds."""
-    return f"{low:.6g} to {high:.6g}" if low < high else f"{low:.6g}"
+    """An interval; one number where both ends read the same."""
+    ends = f"{low:.6g}", f"{high:.6g}"
+    return " to ".join(dict.fromkeys(ends))
 
 
 def _time_in_words(times: Span | Samples) -> str:

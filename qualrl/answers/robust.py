@@ -1,7 +1,7 @@
 """Which plan is best while the chances of doorways and the times that regions take are known as intervals only.
 
 An interval MDP over the doorways of the ways that may be best: what each is worth in the worst and in the best case,
-and of each two whether one is better for all numbers, either for some, or undecided.
+and of each two whether one is better for all numbers, never worse, either for some, or undecided.
 """
 
 import math
@@ -23,16 +23,18 @@ from qualrl.planning.planner import exact_walk
 from qualrl.qualitative.from_counts import Counts, Samples
 from qualrl.qualitative.outlook import Outlook, Point
 from qualrl.qualitative.robust_order import (
-    ALIKE,
     BETTER,
     EITHER,
     EQUAL,
+    NEVER_BETTER,
+    NEVER_WORSE,
     UNDECIDED,
     WORSE,
     Order,
     change,
     compare,
     consistent,
+    sign,
 )
 from qualrl.solving.exact import exact_values
 
@@ -40,7 +42,7 @@ MOST_WAYS = 6
 """Ways that are compared at most, if not said otherwise."""
 MOST_SOLVED = 60
 """Ways that are solved at most to find them."""
-CERTAIN, POSSIBLE, NEVER = "certain", "possible", "never"
+CERTAIN, POSSIBLE, TIED, NEVER = "certain", "possible", "tied", "never"
 
 
 @dataclass(frozen=True)
@@ -52,8 +54,8 @@ class Rival:
     least: float
     most: float
     best: str
-    """Whether it is the best of the ways told: CERTAIN, for all numbers (or as good as any); POSSIBLE, for some; NEVER;
-    or UNDECIDED."""
+    """Whether it is the best of the ways told: CERTAIN, for all numbers (or as good as any); POSSIBLE, for some; TIED,
+    as good as any for some, but never better than one of the others; NEVER, or UNDECIDED."""
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON."""
@@ -112,15 +114,26 @@ class Robust(Answer):
     def _orders_in_words(self, depth: Depth) -> Iterator[str]:
         for (one, other), order in self.orders.items():
             first, second = (f"way {at + 1}" for at in (one, other))
-            if order.relation in (BETTER, WORSE):
-                better, worse = (first, second) if order.relation == BETTER else (second, first)
-                yield f"Certain: {better} is better than {worse}, whatever the numbers are."
+            if order.relation in (WORSE, NEVER_BETTER):
+                order, first, second = order.turned(), second, first
+            if order.relation == BETTER:
+                yield f"Certain: {first} is better than {second}, whatever the numbers are."
+            elif order.relation == NEVER_WORSE:
+                yield f"Certain: {first} is never worse than {second}{self._never_worse_in_words(order, depth)}."
             elif order.relation == EQUAL:
                 yield f"Certain: {first} and {second} are worth the same, whatever the numbers are."
             elif order.relation == UNDECIDED:
                 yield f"Undecided: whether {first} or {second} is better."
             else:
                 yield f"Possible: {self._either_in_words(one, other, order, depth)}."
+
+    def _never_worse_in_words(self, order: Order, depth: Depth) -> str:
+        if order.at_better is None or order.at_equal is None:
+            return ", whatever the numbers are"
+        if depth == Depth.SIGNS:
+            return ": better for some numbers, for others as good"
+        better, equal = self._at(order.at_better, order.at_equal), self._at(order.at_equal, order.at_better)
+        return f": better with {better}; as good with {equal}"
 
     def _either_in_words(self, one: int, other: int, order: Order, depth: Depth) -> str:
         better, worse = order.at_better or {}, order.at_worse or {}
@@ -163,6 +176,7 @@ class Robust(Answer):
         for kind, words in (
             (CERTAIN, f"Certainly best{of_these}"),
             (POSSIBLE, f"Best{of_these} for some numbers"),
+            (TIED, f"Among the best{of_these} for some numbers"),
             (UNDECIDED, f"Perhaps best{of_these}"),
         ):
             ways = [f"way {at}" for at, rival in enumerate(self.rivals, 1) if rival.best == kind]
@@ -212,6 +226,7 @@ class Robust(Answer):
             "ways": [at + 1 for at in pair], "relation": order.relation,
             "better_at": None if order.at_better is None else dict(order.at_better),
             "worse_at": None if order.at_worse is None else dict(order.at_worse),
+            "equal_at": None if order.at_equal is None else dict(order.at_equal),
             "change": list(self.changes[pair]) if pair in self.changes else None,
         }  # fmt: skip
 
@@ -241,15 +256,16 @@ def robust(
     others = max([of.most for of in plans[most:]] + ([] if others is None else [others]), default=None)
     plans = sorted(plans[:most], key=lambda plan: -plan.way.value)
     box = {key: span for plan in plans for key, span in plan.box.items()}
+    paid = max(abs(model.grid.goal_reward), abs(model.grid.step_reward))
     orders = {
-        (i, j): compare(plans[i].outlook, plans[j].outlook, box, contingent.together)
+        (i, j): compare(plans[i].outlook, plans[j].outlook, box, contingent.together, paid)
         for i, j in combinations(range(len(plans)), 2)
     }
     measured = {key: steps for plan in plans for key, steps in plan.measured.items()}
     shift = -model.grid.step_reward / (1 - model.gamma)
     rivals_told = tuple(
         Rival(plan.way, plan.least - shift, plan.most - shift, best)
-        for plan, best in zip(plans, _best(plans, orders, box, contingent.together), strict=True)
+        for plan, best in zip(plans, _best(orders, _seen(plans, orders, box, contingent.together, paid)), strict=True)
     )
     return Robust(
         *names, model.gamma, uncertain, box, measured, rivals_told, orders, _changes(plans, orders),
@@ -308,30 +324,41 @@ def _beside(model: HybridMDP, start: int, doors: Sequence[str]) -> list[str]:
     return [of.name for of in model.regions.doorways if of.name not in doors and passed & {*of.pair}]
 
 
-def _best(
+def _seen(
     plans: Sequence[_Plan],
     orders: Mapping[tuple[int, int], Order],
     box: Mapping[str, tuple[float, float]],
     together: Mapping[str, str],
-) -> list[str]:
-    """Of each plan, whether it is the best."""
+    paid: float,
+) -> list[bool]:
+    """Of each plan, whether numbers were seen with which no other is better."""
     start = {key: span[0] for key, span in box.items()}
-    guesses = [order.at_better for order in orders.values()] + [order.at_worse for order in orders.values()]
-    seen = set[int]()
-    for guess in [*guesses, *(plan.at_most for plan in plans)]:
-        point = consistent({**start, **(guess or {})}, box, together)
-        worths = [plan.outlook.value(point) for plan in plans]
-        seen |= {at for at, worth in enumerate(worths) if worth >= max(worths) - ALIKE * abs(max(worths))}
+    guesses = [point for order in orders.values() for point in (order.at_better, order.at_worse, order.at_equal)]
+    points = [
+        consistent({**start, **(guess or {})}, box, together) for guess in [*guesses, *(of.at_most for of in plans)]
+    ]
+
+    def leads(plan: _Plan, point: Point) -> bool:
+        others = (other for other in plans if other is not plan)
+        return all(sign(plan.outlook, other.outlook, point, paid) in (0, 1) for other in others)
+
+    return [any(leads(plan, point) for point in points) for plan in plans]
+
+
+def _best(orders: Mapping[tuple[int, int], Order], seen: Sequence[bool]) -> list[str]:
+    """Of each plan, whether it is the best.  seen: whether there are numbers with which no other is better."""
     found = []
-    for at in range(len(plans)):
-        to_others = [order.relation for (one, _), order in orders.items() if one == at]
-        to_others += [order.turned().relation for (_, other), order in orders.items() if other == at]
-        if all(relation in (BETTER, EQUAL) for relation in to_others):
+    for at, leads in enumerate(seen):
+        to_others = {order.relation for (one, _), order in orders.items() if one == at}
+        to_others |= {order.turned().relation for (_, other), order in orders.items() if other == at}
+        if to_others <= {BETTER, NEVER_WORSE, EQUAL}:
             found.append(CERTAIN)
         elif WORSE in to_others:
             found.append(NEVER)
+        elif not leads:
+            found.append(UNDECIDED)
         else:
-            found.append(POSSIBLE if at in seen else UNDECIDED)
+            found.append(TIED if NEVER_BETTER in to_others else POSSIBLE)
     return found
 
 

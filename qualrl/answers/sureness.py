@@ -3,8 +3,9 @@
 S states, A actions.  Values are shifted (see ``kernels.bellman``), so errors keep their digits far from the goal too.
 
 The order of the two actions that the learner holds for best in a state, of which both were tried, is
-    wrong      when the one it holds for second is worth more, by exact values;
-    equal      when the two are worth the same (to a relative 1e-9), so that there is no order;
+    wrong      when the one it holds for best is not, by exact values: the one it holds for second is worth more, or a
+               third one is, tried or not; where it holds both for as good, when neither is best;
+    equal      when both are best (to a relative 1e-9), so that there is no order;
     settled    when it is right, and the learned values differ by more than the errors of both together: then errors of
                that size could not turn the order, whichever way they went;
     unsettled  otherwise: it is right, or learned values are the same, but errors of that size could turn it.
@@ -155,8 +156,10 @@ def _order(held: NDArray[np.float64], exact: NDArray[np.float64], tried: NDArray
         errors = np.abs(first - worth) + np.abs(second - other)
         order = np.where(first - second > errors, SETTLED, UNSETTLED)
     alike = np.abs(worth - other) <= ALIKE * np.maximum(np.abs(worth), np.abs(other))
-    order[(worth < other) & (first > second)] = WRONG
+    best = exact.max(axis=1)
+    held_best = np.where(first > second, worth, np.maximum(worth, other))
     order[alike] = EQUAL
+    order[held_best < best - ALIKE * np.abs(best)] = WRONG
     order[~np.take_along_axis(tried, two, axis=1).all(axis=1)] = UNTRIED
     return order
 

@@ -8,15 +8,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from qualrl.planning.on_the_way import REACH_M, SIDES, Passage, QuantitySpace, landmarks_passed, passages
+from qualrl.planning.on_the_way import ENDS, REACH_M, SIDES, Passage, QuantitySpace, landmarks_passed, passages
 from qualrl.planning.routes import Route, Routes
 from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.region_map import CENTRE, RegionMap
-from qualrl.spatial.relations import Relations
+from qualrl.spatial.relations import AROUND, Relations
 from qualrl.spatial.topology import RCC8_WORDS
 
 MOST_LINES = 40
 MOST_NEIGHBOURS = 8
+NOWHERE_BEYOND = {"middle": "within its bounds", AROUND: "on several sides"}
 TURNS = {"straight": "you go straight on", "left": "you turn left", "right": "you turn right", "back": "you turn back"}
 
 
@@ -36,7 +37,11 @@ class Walk:
         yield f"From {self.start} to {self.goal}: {self.route.length_m:.2f} m."
         for number, at in enumerate(self.passages, 1):
             yield f"{number}. In {at.region}, {self._told(at)}."
-        told = [mark for mark in self.space.marks if mark.kind != CENTRE]
+        ends = (self.start, self.goal)  # told as such, doorways too
+        told = [
+            mark for mark in self.space.marks
+            if mark.kind != CENTRE and (mark.kind in ENDS or mark.name not in ends)
+        ]  # fmt: skip
         yield (
             f"On the way, within {REACH_M:g} m: "
             + ", ".join(f"{mark.name} at {self._far(mark.step)}" for mark in told)
@@ -120,7 +125,7 @@ class Description:
         if not (relations.is_region(of) and relations.is_region(seen_from)):
             words.append(RCC8_WORDS[relations.topology(of, seen_from)] + " it")
         tile, walk_m = relations.direction(of, seen_from), relations.distance_m(of, seen_from)
-        words.append(tile if tile != "middle" else "within its bounds")
+        words.append(NOWHERE_BEYOND.get(tile, tile))
         words.append(self.cuts.name(walk_m) + (f", {walk_m:.1f} m" if walk_m < math.inf else ", no way"))
         return words + [f"by {' and '.join(doors)}" for doors in [relations.doorways(of, seen_from)] if doors]
 

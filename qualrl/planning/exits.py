@@ -15,7 +15,7 @@ from qualrl.planning.planner import climb_values
 from qualrl.solving.exact import ExactValues, crossings_to_goal
 from qualrl.spatial.region_map import RegionMap
 
-__all__ = ["ASTRAY", "GOAL_HERE", "NO_WAY", "exits"]
+__all__ = ["ASTRAY", "GOAL_HERE", "NO_WAY", "ExitsAsGood", "best_moves", "exits"]
 
 
 def exits(model: HybridMDP, regions: RegionMap, exact: ExactValues) -> NDArray[np.int32]:
@@ -24,12 +24,9 @@ def exits(model: HybridMDP, regions: RegionMap, exact: ExactValues) -> NDArray[n
     GOAL_HERE where it ends in the region, NO_WAY where no way leads to the goal, ASTRAY where one does but values do
     not tell it, so that ``exact_walk`` raises NoPlanError.  As in plans, brief excursions over a border do not count.
     """
-    world, shift = model.grid, exact.shift
+    world = model.grid
     dislike = crossings_to_goal(world, exact, model.region_of)
-    reward = world.move_reward + shift * (1 - world.gamma)
-    moves = leaving.best_moves(
-        world.successor, reward, world.goal, world.goal_reward + shift, world.gamma, world.slip, exact.shifted, dislike
-    )
+    moves = best_moves(model, exact, dislike)
     found = np.full(len(model), NO_WAY, np.int32)
     found[world.goal] = GOAL_HERE
     door_of = _door_of_steps(model, regions)
@@ -44,6 +41,52 @@ def exits(model: HybridMDP, regions: RegionMap, exact: ExactValues) -> NDArray[n
     if world.slip > 0 and len(astray):
         ahead, unpaid = climb_values(world, exact), np.zeros(world.n_actions)
         follow(leaving.best_moves(world.successor, unpaid, -1, 0.0, 1.0, 0.0, ahead, dislike), ahead, astray)
+    return found
+
+
+class ExitsAsGood:
+    """By which doorways a region may be left, whichever of the moves that are as good are made.
+
+    As good: worth as much, and leading to states with as few borders ahead, as in ``exits``.
+    """
+
+    def __init__(self, model: HybridMDP, regions: RegionMap, exact: ExactValues) -> None:
+        self.model, self.door_of = model, _door_of_steps(model, regions)
+        self.moves = best_moves(model, exact, crossings_to_goal(model.grid, exact, model.region_of))
+
+    def of(self, cells: NDArray[np.int64]) -> set[int]:
+        """Doorways for a region's states (N,), all together; GOAL_HERE for the goal.  None of them may be astray."""
+        successor, goal, region_of = self.model.grid.successor, self.model.grid.goal, self.model.region_of
+        seen, found, home = np.zeros(len(self.model), np.bool_), set[int](), region_of[cells[0]]
+        while len(cells):
+            seen[cells] = True
+            if seen[goal]:
+                found.add(GOAL_HERE)
+            cells = cells[cells != goal]
+            rows, actions = np.nonzero((self.moves[cells][:, None] >> np.arange(successor.shape[1])) & 1)
+            states, ends = cells[rows], successor[cells[rows], actions].astype(np.int64)
+            out = region_of[ends] != home
+            back = list[int]()
+            for state, action in zip(states[out].tolist(), actions[out].tolist(), strict=True):
+                again, _ = leaving.comes_back(
+                    successor, self.moves, goal, region_of, state, action, EXCURSION_STEPS - 1
+                )  # fmt: skip
+                if again >= 0:
+                    back.append(again)
+                else:
+                    found.add(int(self.door_of[state * successor.shape[1] + action]))
+            ahead = np.unique(np.concatenate([ends[~out], np.array(back, np.int64)]))
+            cells = ahead[~seen[ahead]]
+        return found
+
+
+def best_moves(model: HybridMDP, exact: ExactValues, dislike: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """(S,) uint8: a bit for each move that is as good as any and leads to a state of least dislike (S,)."""
+    world, shift = model.grid, exact.shift
+    found: NDArray[np.uint8] = leaving.best_moves(
+        world.successor, world.move_reward + shift * (1 - world.gamma), world.goal, world.goal_reward + shift,
+        world.gamma, world.slip, exact.shifted, dislike,
+    )  # fmt: skip
     return found
 
 

@@ -18,6 +18,9 @@ from qualrl.spatial.region_map import RegionMap
 REACH_M = 1.0
 """A landmark is passed where the route comes as near to it (or as near as one cell)."""
 
+ENDS = ("start", "goal")
+"""Kinds of marks beside those of landmarks."""
+
 SIDES = {"straight": "straight ahead", "left": "to the left", "right": "to the right", "back": "behind you"}
 """Sides in words."""
 
@@ -116,7 +119,7 @@ def landmarks_passed(regions: RegionMap, path: Sequence[Cell], ends: tuple[str, 
     inside = regions.label[cells[:, 0], cells[:, 1]]
     on_the_way = {*np.unique(inside).tolist()}
     reach = max(REACH_M / regions.grid.resolution_m, 1.0)
-    found = [Mark(ends[0], "start", 0), Mark(ends[1], "goal", len(cells) - 1)]
+    found = [Mark(name, kind, step) for name, kind, step in zip(ends, ENDS, (0, len(cells) - 1), strict=True)]
     for landmark in regions.landmarks:
         if on_the_way.isdisjoint(landmark.regions):
             continue
@@ -124,7 +127,7 @@ def landmarks_passed(regions: RegionMap, path: Sequence[Cell], ends: tuple[str, 
         away = np.min([((cells[steps] - cell) ** 2).sum(axis=1) for cell in landmark.cells], axis=0)
         if away.min() <= reach**2:
             found.append(Mark(landmark.name, landmark.kind, int(steps[away.argmin()])))
-    order = {"start": 0, "goal": 2}
+    order = dict(zip(ENDS, (0, 2), strict=True))
     return QuantitySpace(tuple(sorted(found, key=lambda mark: (mark.step, order.get(mark.kind, 1)))))
 
 

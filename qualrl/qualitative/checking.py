@@ -1,7 +1,7 @@
 """Statements about places, checked against a map and against each other.
 
 On a map, a place lies in a direction from another if more than half of its cells do, beyond that side of the other
-place's box.  Then its median cell does too; so what is said of directions follows the calculus of points ("cardinal"),
+place's box.  What is said of directions, and of what is inside what, follows the calculus of points (``whereabouts``);
 what is said of touching and doorways RCC8, and what is said of distances the calculus of lengths of walks: a walk by a
 third place is never shorter than the direct one.
 """
@@ -16,20 +16,17 @@ from qualrl.errors import QualrlError, SettingError, UnknownNameError, did_you_m
 from qualrl.qualitative.calculus import Calculus, Relation, algebraic_closure, calculus
 from qualrl.qualitative.conflicts import Numbers, conflicts
 from qualrl.qualitative.statements import CONNECTED, Statement
+from qualrl.qualitative.whereabouts import consistency, tells
 from qualrl.spatial.nearness import DistanceCuts
-from qualrl.spatial.relations import Relations
+from qualrl.spatial.relations import HALF, Relations
+from qualrl.spatial.topology import RCC8_WORDS
 
-CARDINAL = {
-    "north": ("N", "NE", "NW"), "east": ("E", "NE", "SE"), "south": ("S", "SE", "SW"), "west": ("W", "NW", "SW"),
-    "north-east": ("NE",), "south-east": ("SE",), "south-west": ("SW",), "north-west": ("NW",),
-}  # fmt: skip
-"""Where the median of what lies so can be."""
 RCC8 = {
     CONNECTED: ("EC",), "apart from": ("DC",), "touches": ("EC",), "overlaps": ("PO",),
     "inside": ("TPP", "NTPP", "EQ"), "contains": ("TPPi", "NTPPi", "EQ"), "the same as": ("EQ",),
 }  # fmt: skip
+DIRECTIONS = "directions"
 DISTANCES = {"near": "near", "at medium distance from": "medium", "far from": "far"}
-HALF = 0.5
 
 
 @dataclass(frozen=True)
@@ -153,10 +150,7 @@ class _Aspect:
 
 
 def _aspects(cuts: DistanceCuts) -> tuple[_Aspect, ...]:
-    cardinal, rcc8, distance = calculus("cardinal"), calculus("rcc8"), distance_calculus(cuts)
-
-    def directions(of: Statement) -> Relation | None:
-        return None if of.direction is None or of.negated else cardinal.relation(*CARDINAL[of.direction])
+    rcc8, distance = calculus("rcc8"), distance_calculus(cuts)
 
     def touching(of: Statement) -> Relation | None:
         if of.direction is not None or of.relation == CONNECTED:
@@ -170,7 +164,6 @@ def _aspects(cuts: DistanceCuts) -> tuple[_Aspect, ...]:
         return _unless(of, distance, (DISTANCES[of.relation],) if of.relation in DISTANCES else None)
 
     return (
-        _Aspect("directions", cardinal, directions, _median_direction),
         _Aspect("touching", rcc8, touching, lambda relations, a, b: rcc8.relation(relations.topology(a, b))),
         _Aspect(
             "distances", distance, distances,
@@ -187,13 +180,6 @@ def _unless(of: Statement, within: Calculus, names: tuple[str, ...] | None) -> R
     return within.any_relation & ~said if of.negated else said
 
 
-def _median_direction(relations: Relations, of: str, seen_from: str) -> Relation:
-    (east, north), (east_2, north_2) = relations.middle(of), relations.middle(seen_from)
-    up = "N" if north > north_2 else "S" if north < north_2 else ""
-    side = "E" if east > east_2 else "W" if east < east_2 else ""
-    return calculus("cardinal").relation(up + side or "EQ")
-
-
 def _clashes(
     statements: Sequence[Statement], numbers: Sequence[int], cuts: DistanceCuts, relations: Relations | None
 ) -> list[Clash]:
@@ -203,9 +189,13 @@ def _clashes(
     def note(about: str, of: Sequence[int], is_consistent: Callable[[Numbers], bool]) -> None:
         for conflict in conflicts(len(of), is_consistent):
             members = tuple(of[member] for member in sorted(conflict.members))
-            clash = Clash(members, about, relations is not None, conflict.is_smallest)
+            mixed = " and touching" * any(statements[member].direction is None for member in members)
+            told = about + mixed if about == DIRECTIONS else about
+            clash = Clash(members, told, relations is not None, conflict.is_smallest)
             found.setdefault(frozenset(members), clash)
 
+    of = [at for at in numbers if tells(statements[at])]
+    note(DIRECTIONS, of, consistency([statements[at] for at in of], relations))
     for aspect in _aspects(cuts):
         of = [at for at in numbers if aspect.said(statements[at]) is not None]
         note(aspect.about, of, _consistency(aspect, [statements[at] for at in of], relations))
@@ -286,8 +276,7 @@ def _measured(relations: Relations, of: Statement, cuts: DistanceCuts) -> tuple[
         finite = {"walk_m": walk_m if walk_m < math.inf else None, "distance": name}
         return name == DISTANCES[of.relation], f"{far} {name}", finite
     rcc8 = relations.topology(a, b)
-    words = next(word for word, names in RCC8.items() if rcc8 in names and word != CONNECTED)
-    return rcc8 in RCC8[of.relation], f"{a} {_linked(words)} {b} ({rcc8})", {"rcc8": rcc8}
+    return rcc8 in RCC8[of.relation], f"{a} {_linked(RCC8_WORDS[rcc8])} {b} ({rcc8})", {"rcc8": rcc8}
 
 
 def _counted(count: int, one: str, many: str = "s") -> str:

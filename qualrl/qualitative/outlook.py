@@ -7,9 +7,10 @@ Waiting w steps and then W is worth gamma^w * W, whatever w is, so for a leg of 
 x = gamma^((f - 1) n); and if the time is random, E[gamma^tau] / gamma^n.
 """
 
+import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 Box = Mapping[str, tuple[float, float]]
@@ -18,6 +19,8 @@ Point = Mapping[str, float]
 Bounds = tuple[float, float, dict[str, float], dict[str, float]]
 """A least and a greatest worth, and numbers that tend to give them; the worths are certain, the numbers a guess."""
 NOTHING: Bounds = 0.0, 0.0, {}, {}
+A_NODE = 16.0
+"""Roundings at a node, at most: of a reward, powers, products and sums."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,8 @@ class Outlook:
     """None for x = 1."""
     instead: "Outlook | None" = None
     """None for staying for ever: worth 0."""
+    amounts: float = 0.0
+    """How large those are that the reward is the sum of: their rounding is what is wrong with it."""
 
     def value(self, point: Point) -> float:
         """Shifted, with a number for each key."""
@@ -60,6 +65,19 @@ class Outlook:
         """Between what the shifted value lies, whatever numbers the box holds."""
         onward = moved(self.reward, self.discount, NOTHING if self.then is None else self.then.bounds(box))
         return mixed(self.number, box, onward, NOTHING if self.instead is None else self.instead.bounds(box))
+
+    @cached_property
+    def in_size(self) -> "Outlook":
+        """The same with amounts for rewards."""
+        then, instead = (None if of is None else of.in_size for of in (self.then, self.instead))
+        return replace(self, reward=max(self.amounts, abs(self.reward)), then=then, instead=instead)
+
+    def roundings(self, box: Box) -> float:
+        """How often is rounded at most on one way through the tree; a power is wrong by more the larger it is."""
+        onward = max(0.0 if of is None else of.roundings(box) for of in (self.then, self.instead))
+        if self.number is None or self.number.leg is None:
+            return A_NODE + onward
+        return A_NODE + box[self.number.key][1] * (1.0 - math.log(self.number.leg)) + onward
 
     @cached_property
     def times(self) -> dict[str, int]:

@@ -22,6 +22,11 @@ from qualrl.spatial.zones import Zone
 
 TILES = ("north-west", "north", "north-east", "west", "middle", "east", "south-west", "south", "south-east")
 """The nine tiles that the sides of the box around a place divide the plane into, as one reads."""
+SIDES = ("north", "west", "east", "south")
+HALF = 0.5
+"""A place lies in a direction if more than this share of its cells does."""
+AROUND = "around"
+"""The direction of what lies in none, and not between the sides of the other's box either."""
 DIGITS = 6
 """Coordinates are rounded to so many, far below a cell, since turning leaves errors in the last digits."""
 
@@ -53,8 +58,16 @@ class Relations:
         return {tile: float(count / counts.sum()) for tile, count in zip(TILES, counts, strict=True) if count}
 
     def direction(self, of: str, seen_from: str) -> str:
-        """The tile with most of a place's cells, seen from another one; of equal ones the first of TILES."""
-        return TILES[int(self._tiles[self.number(of), self.number(seen_from)].argmax())]
+        """Where most of a place lies, seen from another one: one of TILES, or AROUND where more than half lies nowhere.
+
+        A corner, if more than half lies in its tile; else the side beyond which most lies, if that is more than half.
+        """
+        counts = self._tiles[self.number(of), self.number(seen_from)]
+        most = int(counts.argmax())
+        if counts[most] > HALF * counts.sum():
+            return TILES[most]
+        side = max(SIDES, key=lambda side: self.share_towards(side, of, seen_from))
+        return side if self.share_towards(side, of, seen_from) > HALF else AROUND
 
     def share_towards(self, direction: str, of: str, seen_from: str) -> float:
         """The share of a place's cells beyond another one, in a direction.
@@ -64,6 +77,11 @@ class Relations:
         counts = self._tiles[self.number(of), self.number(seen_from)]
         beyond = [direction in (tile, *tile.split("-")) for tile in TILES]
         return float(counts[beyond].sum() / counts.sum())
+
+    def extent(self, of: str, axis: int) -> tuple[float, float, float]:
+        """Where a place's cells begin, their median, and where they end; axis: 0 to the east, 1 to the north."""
+        low, high = self._boxes[self.number(of), 2 * axis : 2 * axis + 2].tolist()
+        return low, self.middle(of)[axis], high
 
     def middle(self, of: str) -> tuple[float, float]:
         """The median of a place's cells east, and that north."""
@@ -130,13 +148,18 @@ class Relations:
     @cached_property
     def _tiles(self) -> NDArray[np.int64]:
         """(P, P, 9) how many cells of the first place lie in which tile around the second."""
-        boxes = np.array([[e.min(), e.max(), n.min(), n.max()] for e, n in self._coordinates])
-        return np.array([tile_counts(east, north, boxes) for east, north in self._coordinates])
+        return np.array([tile_counts(east, north, self._boxes) for east, north in self._coordinates])
+
+    @cached_property
+    def _boxes(self) -> Floats:
+        """(P, 4) how far west, east, south and north the cells of each place reach."""
+        return np.array([[e.min(), e.max(), n.min(), n.max()] for e, n in self._coordinates])
 
     @cached_property
     def _middles(self) -> Floats:
         """(P, 2)"""
-        return np.array([[np.median(east), np.median(north)] for east, north in self._coordinates])
+        found = np.array([[np.median(east), np.median(north)] for east, north in self._coordinates])
+        return np.round(found, DIGITS + 1)  # of two middle cells the mean, which leaves errors too
 
     @cached_property
     def _steps(self) -> NDArray[np.int32]:
