@@ -107,7 +107,7 @@ def _fit_tiles(told: Sequence[Statement], known: Sequence[str], relations: Relat
         if one.direction is None:
             continue
         for holder, is_same in _reached(one.subject, within, known).items():
-            for other in _reached(one.object, within if one.negated else around, known):
+            for other in _reached(one.object, within if one.negated else holding, known):
                 share = relations.share_towards(one.direction, holder, other)
                 if one.negated and (share > HALF if is_same else share == 1):
                     return False
