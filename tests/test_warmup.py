@@ -51,7 +51,7 @@ def compiled_later(folder, *calls, warmed="warmed"):
 def test_after_a_warmup_no_command_compiles_anything(tmp_path):
     calls = [f"learn puzzle --algorithm {name} --episodes 2" for name in RULES]
     calls += ["run office --episodes 5", "convert clinic", "learn slam --online --episodes 1"]
-    calls += ["why clinic", "what-if puzzle --slip 0.1", "summary slam", "which-matters office"]
+    calls += ["why clinic", "what-if puzzle --slip 0.1", "summary slam", "which-matters office", "envision puzzle"]
     count, later = compiled_later(tmp_path, *calls)
     assert count > 60
     assert later == "[]"

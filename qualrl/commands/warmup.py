@@ -48,7 +48,7 @@ def _compile(console: Console, everything: bool, seconds: COMPILED) -> None:
     from qualrl.learning.online import Online
     from qualrl.learning.rules import RULES
     from qualrl.planning.routes import Routes
-    from qualrl.questions import summary, why_unreachable
+    from qualrl.questions import envision, summary, why_unreachable
     from qualrl.spatial.segmentation import segment
 
     @contextmanager
@@ -75,6 +75,7 @@ def _compile(console: Console, everything: bool, seconds: COMPILED) -> None:
         for world in worlds:
             plan(world)
             summary(world)
+            envision(world)
     with part("ways on the map"):
         Routes(regions).between(far, goal)
         Routes(regions).between(far, goal, exact=True)

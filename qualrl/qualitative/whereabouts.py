@@ -23,7 +23,7 @@ BEGIN, MEDIAN, END = range(3)
 POINTS = (BEGIN, MEDIAN, END)
 AXES = (("west", "east"), ("south", "north"))
 """Directions in which coordinates fall, and grow."""
-WITHIN, AROUND, SAME, OVERLAPS = "inside", "contains", "the same as", "overlaps"
+WITHIN, HOLDING, SAME, OVERLAPS = "inside", "contains", "the same as", "overlaps"
 
 Order = tuple[int, int, bool]
 """Two points, the first no more than the second; and whether it is less.  A place's points are three times its number
@@ -32,7 +32,7 @@ and one of POINTS."""
 
 def tells(of: Statement) -> bool:
     """Whether a statement says where a place lies; of what is denied directions alone do."""
-    return of.direction is not None or (not of.negated and of.relation in (WITHIN, AROUND, SAME, OVERLAPS))
+    return of.direction is not None or (not of.negated and of.relation in (WITHIN, HOLDING, SAME, OVERLAPS))
 
 
 def consistency(statements: Sequence[Statement], relations: Relations | None) -> Callable[[Numbers], bool]:
@@ -71,10 +71,10 @@ def _orders(of: Statement, number: dict[str, int], axis: int) -> list[Order]:
         falling, growing = (way in of.direction.split("-") for way in AXES[axis])
         return [(other + END, one + MEDIAN, True)] * growing + [(one + MEDIAN, other + BEGIN, True)] * falling
     within = [(other + BEGIN, one + BEGIN, False), (one + END, other + END, False)]
-    around = [(one + BEGIN, other + BEGIN, False), (other + END, one + END, False)]
+    holding = [(one + BEGIN, other + BEGIN, False), (other + END, one + END, False)]
     medians = [(one + MEDIAN, other + MEDIAN, False), (other + MEDIAN, one + MEDIAN, False)]
     return {
-        WITHIN: within, AROUND: around, SAME: within + around + medians,
+        WITHIN: within, HOLDING: holding, SAME: within + holding + medians,
         OVERLAPS: [(one + BEGIN, other + END, False), (other + BEGIN, one + END, False)],
     }[of.relation]  # fmt: skip
 
@@ -101,13 +101,13 @@ def _facts(
 def _fit_tiles(told: Sequence[Statement], known: Sequence[str], relations: Relations) -> bool:
     """Whether directions hold of the places on the map that hold, or are held by, those that are spoken of."""
     within = [(one.names, one.relation == SAME) for one in told if one.relation in (WITHIN, SAME)]
-    within += [(one.names[::-1], one.relation == SAME) for one in told if one.relation in (AROUND, SAME)]
-    around = [(names[::-1], is_same) for names, is_same in within]
+    within += [(one.names[::-1], one.relation == SAME) for one in told if one.relation in (HOLDING, SAME)]
+    holding = [(names[::-1], is_same) for names, is_same in within]
     for one in told:
         if one.direction is None:
             continue
         for holder, is_same in _reached(one.subject, within, known).items():
-            for other in _reached(one.object, within if one.negated else around, known):
+            for other in _reached(one.object, within if one.negated else holding, known):
                 share = relations.share_towards(one.direction, holder, other)
                 if one.negated and (share > HALF if is_same else share == 1):
                     return False
