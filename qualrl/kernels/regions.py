@@ -147,7 +147,8 @@ def thick_first(thickness: Floats, distance: Floats) -> Ints:
     from what is not free, then by position; widths in whole sixteenths of a cell, up to 4095 cells.
     """
     first, second = distance.ravel(), thickness.ravel()
-    order, sorted_by_first = np.empty((2, np.count_nonzero(first > 0)), np.int32)
+    order = np.empty(np.count_nonzero(first > 0), np.int32)
+    sorted_by_first = np.empty_like(order)
     _write_positive(first, order)
     _write_sorted(order, first, np.zeros(65536, np.int64), sorted_by_first)
     _write_sorted(sorted_by_first, second, np.zeros(65536, np.int64), order)

@@ -6,7 +6,7 @@ H, W: rows, columns.  G: gaps.  All lengths are in cells.
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled, compiled_bare
+from qualrl.kernels.jit import compiled
 
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int32]
@@ -87,7 +87,7 @@ def apart(found: Ints, order: Ints, height: int, width: int, rows: int, slack: i
 
 @compiled
 def _mark_apart(found: Ints, order: Ints, rows: int, slack: int, taken: Flags, stays: Flags) -> None:
-    """taken (H, W), stays (G,): False at first."""
+    """Taken (H, W), stays (G,): False at first."""
     height = len(taken)
     for gap in order:
         row, first, last = found[gap, 0], found[gap, 1], found[gap, 2]
@@ -139,7 +139,7 @@ def single_gaps(free: Flags) -> Flags:
 
 @compiled
 def _mark_gaps(free: Flags, found: Flags) -> None:
-    """found (H, W): False at first."""
+    """Found (H, W): False at first."""
     height, width = free.shape
     for row in range(1, height - 1):
         above, here, below = free[row - 1], free[row], free[row + 1]
