@@ -14,6 +14,7 @@ from qualrl.kernels.bands import in_bands
 from qualrl.kernels.bonds import Bonds, append, find, tidy
 from qualrl.kernels.instructions import AHEAD, ask_around, prefetch
 from qualrl.kernels.jit import compiled, compiled_bare, compiled_part
+from qualrl.kernels.scratch import scratch
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -112,8 +113,8 @@ def number_rest(label: Ints, mask: Flags) -> Ints:
     """Number the 4-connected pieces of the mask (H, W) where no label is, after the last label and in the order of
     their first cell; the label image (H, W), -1 for none, is updated.
     """
-    waiting = np.empty(label.size, np.int32)
-    _number_rest(label.ravel(), mask.ravel(), label.shape[1], int(label.max()) + 1, waiting)
+    with scratch(label.size) as waiting:
+        _number_rest(label.ravel(), mask.ravel(), label.shape[1], int(label.max()) + 1, waiting)
     return label
 
 
@@ -148,10 +149,10 @@ def thick_first(thickness: Floats, distance: Floats) -> Ints:
     """
     first, second = distance.ravel(), thickness.ravel()
     order = np.empty(np.count_nonzero(first > 0), np.int32)
-    sorted_by_first = np.empty_like(order)
     _write_positive(first, order)
-    _write_sorted(order, first, np.zeros(65536, np.int64), sorted_by_first)
-    _write_sorted(sorted_by_first, second, np.zeros(65536, np.int64), order)
+    with scratch(order.size) as sorted_by_first:
+        _write_sorted(order, first, np.zeros(65536, np.int64), sorted_by_first)
+        _write_sorted(sorted_by_first, second, np.zeros(65536, np.int64), order)
     return order
 
 
@@ -311,9 +312,11 @@ def _host(zone: int, area: Floats, breadth: Floats, bonds: Bonds, rules: Rules) 
     return host
 
 
-def distance_near(ends: Ints, height: int, width: int, most: float) -> Floats:
-    """(H, W) from each cell to the nearest of some cells (N, 2), flat indices; beyond ``most`` it may be infinite."""
-    away = np.full((height, width), np.inf, np.float32)
+def distance_near(ends: Ints, most: float, away: Floats) -> Floats:
+    """From each cell to the nearest of some cells (N, 2), flat indices, written to ``away`` (H, W); beyond ``most`` it
+    may be infinite.
+    """
+    away.fill(np.inf)
     off = np.arange(int(np.ceil(most)) + 1, dtype=np.float32) ** 2
     _write_near(ends.ravel(), np.sqrt(off[:, None] + off), away)
     return away
@@ -354,8 +357,8 @@ def flood(label: Ints, mask: Flags, depth: Floats) -> Ints:
     Cells that no seed reaches stay -1.
     """
     levels = np.full((2, int(8 * depth.max()) + 1), -1, np.int32)
-    following = np.empty(label.size, np.int32)
-    _grow(label.ravel(), mask.ravel(), depth.ravel(), label.shape[1], levels[0], levels[1], following)
+    with scratch(label.size) as following:
+        _grow(label.ravel(), mask.ravel(), depth.ravel(), label.shape[1], levels[0], levels[1], following)
     return label
 
 

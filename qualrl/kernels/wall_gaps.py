@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels.jit import compiled
+from qualrl.kernels.scratch import scratch
 
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int32]
@@ -81,7 +82,10 @@ def apart(found: Ints, order: Ints, height: int, width: int, rows: int, slack: i
     Side by side: within so many rows, and less than ``slack`` columns from overlapping.
     """
     stays = np.zeros(len(found), np.bool_)
-    _mark_apart(found, order, rows, slack, np.zeros((height, width), np.bool_), stays)
+    with scratch(-(-height * width // 4)) as block:
+        taken = block.view(np.bool_)[: height * width].reshape(height, width)
+        taken.fill(False)
+        _mark_apart(found, order, rows, slack, taken, stays)
     return stays
 
 

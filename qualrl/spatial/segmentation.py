@@ -14,6 +14,7 @@ from qualrl.errors import SettingError
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.bands import both
 from qualrl.kernels.labels import as_label, consecutive, labels_at, renumber, sizes
+from qualrl.kernels.scratch import kept_for_reuse
 from qualrl.spatial.description import describe, mean_half_width, measure
 from qualrl.spatial.doorways import find_doorways, renumbered
 from qualrl.spatial.footprint import fitted
@@ -31,6 +32,7 @@ Flags = NDArray[np.bool_]
 Labels = NDArray[np.int32]
 
 
+@kept_for_reuse()
 def segment(
     grid: OccupancyGrid,
     *,
@@ -65,19 +67,21 @@ def segment(
     view = look(free, resolution_m, furniture_m)
     on_grid = partial(_on_grid, view, grid)
     if resolution_m <= WALLED_M:
-        seen, found = _walled(view, free, grid, furniture_m, min_area_m2, on_grid)
+        seen, (distance, thing, bends) = _walled(view, free, grid, furniture_m, min_area_m2, on_grid)
     else:
         seen = view.one_a_cell(joined_regions(view, min_area_m2 / view.cell_m**2, pinch))
-        found = on_grid()
-    distance, thing, bends = found
+        distance, thing, bends = on_grid()
     shown = view.posture.of(free[view.window])
+    seen = np.where(shown, seen, np.int32(-1))
+    thickness = view.width_on_grid(view.thickness)
+    view.forget()
     label = view.placed(_settled(seen, shown, min_area_m2 / resolution_m**2), -1)
     del seen, free, shown
     label.ravel()[in_pockets] = pocket + label.max() + 1
     is_pocket = np.zeros(consecutive(label), np.bool_)
     is_pocket[label.ravel()[in_pockets]] = True
-    half_width = mean_half_width(label, view.width_on_grid(view.thickness))
-    del view, on_grid
+    half_width = mean_half_width(label, thickness)
+    del view, on_grid, thickness
     parts, unordered = both(
         partial(measure, label, is_pocket, half_width),
         partial(find_doorways, label, distance, thing, pinch * half_width, resolution_m),
@@ -144,11 +148,10 @@ def _walled(
 
 
 def _settled(seen: Labels, free: Flags, min_area: float) -> Labels:
-    """(H, W) a strict partition of the free space into 4-connected regions, from the view's (seen).
+    """(H, W) a strict partition of the free space into 4-connected regions, from the view's (seen, overwritten).
 
     Of each region the largest piece stays and grows over the cells that the view did not show.
     """
-    seen = np.where(free, seen, np.int32(-1))
     piece, cells = _pieces(seen)
     owner = labels_at(piece, cells.size, seen)
     most = np.zeros(int(seen.max()) + 1, np.int64)

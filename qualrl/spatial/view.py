@@ -78,6 +78,11 @@ class View:
         """Work out distance and thickness now, where that costs least."""
         _ = self.thickness
 
+    def forget(self) -> None:
+        """Let go of distance and thickness, which take much memory."""
+        for name in ("distance", "thickness"):
+            self.__dict__.pop(name, None)
+
     def to_grid(self, array: NDArray[Number], elsewhere: int) -> NDArray[Number]:
         """(H, W) an array (h, w) as seen from the grid, and its value where the view does not reach."""
         return self.placed(self.one_a_cell(array), elsewhere)
