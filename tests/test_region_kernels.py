@@ -11,7 +11,7 @@ from numba import njit
 from scipy import ndimage
 
 from qualrl.kernels import bands as banding
-from qualrl.kernels import grid, labels, regions, zone_graph
+from qualrl.kernels import grid, labels, regions, scratch, zone_graph
 from qualrl.kernels.instructions import prefetch, trailing_zeros
 from qualrl.spatial.distance import distance_within, thickness_over
 from tests import oracles_regions
@@ -109,7 +109,7 @@ def test_labels_lose_what_is_near_their_border_unless_nothing_is_left(label, awa
 def test_distances_near_some_cells_are_those_of_all_the_map(label, data, most):
     cells = data.draw(st.lists(st.integers(0, label.size - 1), min_size=2, max_size=6))
     away = ndimage.distance_transform_edt(~np.isin(np.arange(label.size), cells).reshape(label.shape))
-    near = regions.distance_near(np.array(cells, np.int32)[:, None], *label.shape, most)
+    near = regions.distance_near(np.array(cells, np.int32)[:, None], most, np.empty(label.shape, np.float32))
     np.testing.assert_array_equal(near[away <= most], away[away <= most].astype(np.float32))
     assert (near[away > most] > most).all()
 
@@ -217,3 +217,16 @@ def test_free_cells_are_listed_row_by_row(free):
     found = grid.cells_of(free)
     assert found.dtype == np.int32
     np.testing.assert_array_equal(found, np.argwhere(free))
+
+
+def test_scratch_memory_is_used_again_while_someone_wants_it_and_no_longer():
+    with scratch.kept_for_reuse():
+        with scratch.scratch(100) as first, scratch.scratch(100) as other:
+            assert not np.shares_memory(first, other)
+        with scratch.scratch(50) as again:
+            assert again.size == 50
+            assert np.shares_memory(again, first) or np.shares_memory(again, other)
+        with scratch.scratch(1000) as larger:
+            assert larger.size == 1000
+    with scratch.scratch(50) as fresh:
+        assert not any(np.shares_memory(fresh, block) for block in (first, other, larger))

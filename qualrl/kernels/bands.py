@@ -27,8 +27,10 @@ def in_bands(work: Callable[[int, int], Result], shape: tuple[int, ...]) -> list
     cuts = [height * band // count for band in range(count + 1)]
     if count == 1:
         return [work(0, height)]
-    with ThreadPoolExecutor(count) as pool:
-        return list(pool.map(work, cuts[:-1], cuts[1:]))
+    # Each thread keeps some of the memory that it gave back, so this one does its share.
+    with ThreadPoolExecutor(count - 1) as pool:
+        others = pool.map(work, cuts[1:-1], cuts[2:])
+        return [work(0, cuts[1]), *others]
 
 
 def both(first: Callable[[], Result], second: Callable[[], Other]) -> tuple[Result, Other]:

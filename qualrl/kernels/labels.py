@@ -141,17 +141,19 @@ def renumber(label: Ints, number: Ints) -> Ints:
     return label
 
 
-@compiled
 def only(label: Ints, kept: NDArray[np.bool_], depth: Floats) -> Ints:
     """(H, W) the labels (H, W) that are kept (count,), where the depth (H, W) is above 0; -1 elsewhere."""
-    height, width = label.shape
-    found = np.full((height, width), -1, np.int32)
-    for row in range(height):
-        for column in range(width):
-            here = label[row, column]
-            if here >= 0 and kept[here] and depth[row, column] > 0:
-                found[row, column] = here
+    found = np.empty_like(label)
+    _write_only(label, kept, depth, found)
     return found
+
+
+@compiled_bare
+def _write_only(label: Ints, kept: NDArray[np.bool_], depth: Floats, found: Ints) -> None:
+    for row in range(label.shape[0]):
+        for column in range(label.shape[1]):
+            here = label[row, column]
+            found[row, column] = here if here >= 0 and kept[here] and depth[row, column] > 0 else -1
 
 
 @compiled

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from qualrl.kernels.bonds import Bonds, append, find, tidy
 from qualrl.kernels.jit import compiled, compiled_part
 from qualrl.kernels.pair_queue import Queue, grown, new_queue, pop, push
-from qualrl.kernels.trees import Asked, Questions, odds
+from qualrl.kernels.trees import ALL_LEAVES, Questions, Words, odds, take_away
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -30,6 +30,12 @@ FEATURES = (
     "contact of border", "walls of border", "map unknown", "map zones", "map breadth",
 )  # fmt: skip
 """What the trees are asked about; "smaller" and "larger" are the two places by area."""
+OF_MAP = 3
+"""So many features, the last ones, are those of the map."""
+OF_SMALLER = np.array([at for at, name in enumerate(FEATURES) if "smaller" in name or name == "walls of border"])
+OF_LARGER = np.array([at for at, name in enumerate(FEATURES) if "larger" in name])
+OF_PAIR = np.setdiff1d(np.arange(len(FEATURES) - OF_MAP), [*OF_SMALLER, *OF_LARGER])
+"""Features by what they are of."""
 
 
 class Places(NamedTuple):
@@ -56,6 +62,22 @@ class Samples(NamedTuple):
     """(1,) how many were found."""
 
 
+class Asked(NamedTuple):
+    """The trees, and what is known of the pairs of one place: its tests are made once for all of them."""
+
+    questions: Questions
+    features: Floats
+    """Of a pair."""
+    of_map: Words
+    """(T,) the leaves that the tests of the map's features leave."""
+    of_place: Words
+    """(2, T) ... that also those of the place leave, as the larger of a pair (0) and as the smaller (1)."""
+    is_tested: NDArray[np.bool_]
+    """(2,) whether that is known."""
+    left_over: Words
+    """(T,) scratch"""
+
+
 @compiled
 def merge(
     places: Places,
@@ -73,8 +95,7 @@ def merge(
     """
     zones = len(places.parent)
     stamp, seen = np.zeros(zones, np.int64), np.full(zones, -1, np.int32)
-    asked = Asked(questions, np.empty(len(FEATURES)), np.empty(len(questions.first_leaf), np.uint64))
-    asked.features[len(FEATURES) - 3 :] = about
+    asked = _asked_on(about, questions)
     queue = new_queue(4 * len(bonds.target) + 16)
     for zone in range(zones):
         tidy(zone, places.parent, bonds, seen)
@@ -103,6 +124,20 @@ def merge(
         places.parent[zone] = find(places.parent, zone)
 
 
+@compiled
+def _asked_on(about: Floats, questions: Questions) -> Asked:
+    """Nothing asked yet, on a map with these features."""
+    trees = len(questions.first_leaf)
+    features = np.empty(len(FEATURES))
+    of_map = np.full(trees, ALL_LEAVES)
+    for at in range(OF_MAP):
+        feature = len(FEATURES) - OF_MAP + at
+        features[feature] = about[at]
+        take_away(questions, feature, about[at], of_map)
+    of_place, left_over = np.empty((2, trees), np.uint64), np.empty(trees, np.uint64)
+    return Asked(questions, features, of_map, of_place, np.zeros(2, np.bool_), left_over)
+
+
 @compiled_part
 def _is_true(host: int, guest: int, truth: Ints) -> bool:
     """Whether two places may be one; if so the host's truth is known when the guest's is."""
@@ -119,12 +154,12 @@ def _ask(
     queue: Queue, samples: Samples,
 ) -> None:  # fmt: skip
     """Put a place's pairs into the queue; only those with a later neighbour if each pair is met ``once`` from both."""
+    asked.is_tested[:] = False
     half = bonds.first[place]
     while half >= 0:
         other = bonds.target[half]
         if bonds.sums[half, ALONG] + bonds.sums[half, ACROSS] > 0 and not (once and other < place):
-            _describe(place, other, half, places, bonds, asked.features)
-            push(queue, odds(asked), place, other, stamp[place], stamp[other])
+            push(queue, _odds(place, other, half, places, bonds, asked), place, other, stamp[place], stamp[other])
             if len(samples.truth) and samples.truth[place] >= 0 and samples.truth[other] >= 0:
                 at = samples.size[0]
                 if at < len(samples.found):
@@ -191,11 +226,11 @@ def _touches(place: int, bonds: Bonds) -> bool:
 def _likeliest(place: int, places: Places, bonds: Bonds, asked: Asked) -> int:
     """The neighbour that a place is likeliest one with, -1 if it touches none."""
     best, most = -1, -np.inf
+    asked.is_tested[:] = False
     half = bonds.first[place]
     while half >= 0:
         if bonds.sums[half, ALONG] + bonds.sums[half, ACROSS] > 0:
-            _describe(place, bonds.target[half], half, places, bonds, asked.features)
-            likely = odds(asked)
+            likely = _odds(place, bonds.target[half], half, places, bonds, asked)
             if likely > most:
                 best, most = bonds.target[half], likely
         half = bonds.following[half]
@@ -203,9 +238,41 @@ def _likeliest(place: int, places: Places, bonds: Bonds, asked: Asked) -> int:
 
 
 @compiled_part
-def _describe(one: int, other: int, half: int, places: Places, bonds: Bonds, features: Floats) -> None:
-    """Write the features of two places that touch; see FEATURES."""
-    small, large = (other, one) if places.sums[one, AREA] > places.sums[other, AREA] else (one, other)
+def _odds(place: int, other: int, half: int, places: Places, bonds: Bonds, asked: Asked) -> float:
+    """The logarithm of the odds that two are one; the place is the one that was asked about before."""
+    is_small = np.int64(places.sums[place, AREA] <= places.sums[other, AREA])
+    if is_small:
+        _describe(place, other, half, places, bonds, asked.features)
+    else:
+        _describe(other, place, half, places, bonds, asked.features)
+    of_place, left_over = asked.of_place[is_small], asked.left_over
+    if not asked.is_tested[is_small]:
+        _copy(asked.of_map, of_place)
+        _test_one(is_small == 1, asked, of_place)
+        asked.is_tested[is_small] = True
+    _copy(of_place, left_over)
+    _test_one(is_small == 0, asked, left_over)
+    for feature in OF_PAIR:
+        take_away(asked.questions, feature, asked.features[feature], left_over)
+    return odds(asked.questions, left_over)
+
+
+@compiled_part
+def _copy(source: Words, target: Words) -> None:
+    for tree in range(len(source)):
+        target[tree] = source[tree]
+
+
+@compiled_part
+def _test_one(is_small: bool, asked: Asked, left_over: Words) -> None:
+    """Take away the leaves that the features of the pair's smaller or larger place do."""
+    for feature in OF_SMALLER if is_small else OF_LARGER:
+        take_away(asked.questions, feature, asked.features[feature], left_over)
+
+
+@compiled_part
+def _describe(small: int, large: int, half: int, places: Places, bonds: Bonds, features: Floats) -> None:
+    """Write the features of two places that touch, the smaller and the larger one; see FEATURES."""
     bond = bonds.sums[half]
     contact = np.hypot(bond[ALONG], bond[ACROSS])
     sides = bond[ALONG] + bond[ACROSS]
@@ -221,7 +288,7 @@ def _describe(one: int, other: int, half: int, places: Places, bonds: Bonds, fea
     features[0] = _log(contact)
     features[1] = _log(wall + 0.1)
     features[2] = contact / (contact + wall)
-    features[3] = bond[WAY] / max(min(places.peak[one], places.peak[other]), 1e-3)
+    features[3] = bond[WAY] / max(min(places.peak[small], places.peak[large]), 1e-3)
     features[4] = bond[WAY] / narrow
     features[5] = narrow / max(breadth_s, breadth_l)
     features[6] = _log(contact / (2 * narrow))

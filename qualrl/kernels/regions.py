@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from qualrl.kernels.bands import in_bands
 from qualrl.kernels.bonds import Bonds, append, find, tidy
 from qualrl.kernels.instructions import AHEAD, ask_around, prefetch
-from qualrl.kernels.jit import compiled, compiled_part
+from qualrl.kernels.jit import compiled, compiled_bare, compiled_part
+from qualrl.kernels.scratch import scratch
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -67,8 +68,8 @@ def _root(forest: Ints, cell: int) -> int:
     return cell
 
 
-@compiled
-def _numbered(forest: Ints, height: int, width: int) -> tuple[Ints, int]:
+@compiled_bare
+def _numbered(forest: Ints) -> int:
     """Sets of cells as consecutive numbers, in the order of their first cell; the forest becomes the label image."""
     count = 0
     for cell in range(forest.size):
@@ -81,16 +82,19 @@ def _numbered(forest: Ints, height: int, width: int) -> tuple[Ints, int]:
         forest[cell] = forest[root]
     for cell in range(forest.size):
         forest[cell] = FIRST_NUMBER - forest[cell] if forest[cell] != NO_SET else -1
-    return forest.reshape(height, width), count
+    return count
 
 
-@compiled
 def pieces(label: Any) -> tuple[Ints, int]:
     """4-connected pieces of equal label: (H, W) int32 piece of each cell, -1 where label is; and their number."""
-    height, width = label.shape
-    flat = label.ravel()
-    forest = np.full(flat.size, NO_SET, np.int32)
-    for row in range(height):
+    forest = np.full(label.shape, NO_SET)
+    return forest, _unite_pieces(label.ravel(), label.shape[1], forest.ravel())
+
+
+@compiled_bare
+def _unite_pieces(flat: Any, width: int, forest: Ints) -> int:
+    """Make the forest, of no sets at first, one of the pieces of an image (H x W,), and number them."""
+    for row in range(flat.size // width):
         for cell in range(row * width, (row + 1) * width):
             here = flat[cell]
             if here < 0:
@@ -102,18 +106,21 @@ def pieces(label: Any) -> tuple[Ints, int]:
             # With the cell to the northwest both are one already.
             if row and flat[cell - width] == here and not (west and flat[cell - width - 1] == here):
                 _unite(forest, _root(forest, cell - width), _root(forest, cell))
-    return _numbered(forest, height, width)
+    return _numbered(forest)
 
 
-@compiled
 def number_rest(label: Ints, mask: Flags) -> Ints:
     """Number the 4-connected pieces of the mask (H, W) where no label is, after the last label and in the order of
     their first cell; the label image (H, W), -1 for none, is updated.
     """
-    height, width = label.shape
-    flat, inside = label.ravel(), mask.ravel()
-    number = flat.max() + 1
-    waiting = np.empty(flat.size, np.int32)
+    with scratch(label.size) as waiting:
+        _number_rest(label.ravel(), mask.ravel(), label.shape[1], int(label.max()) + 1, waiting)
+    return label
+
+
+@compiled_bare
+def _number_rest(flat: Ints, inside: Flags, width: int, number: int, waiting: Ints) -> None:
+    height = flat.size // width
     for cell in range(flat.size):
         if flat[cell] >= 0 or not inside[cell]:
             continue
@@ -126,7 +133,6 @@ def number_rest(label: Ints, mask: Flags) -> Ints:
                     flat[other], waiting[count] = number, other
                     count += 1
         number += 1
-    return label
 
 
 @compiled_part
@@ -137,51 +143,52 @@ def _unite(forest: Ints, host: int, guest: int) -> None:
         forest[guest] = host
 
 
-@compiled
 def thick_first(thickness: Floats, distance: Floats) -> Ints:
     """(F,) flat indices of the cells whose distance is not 0: the thickest first, of equally thick ones the farthest
     from what is not free, then by position; widths in whole sixteenths of a cell, up to 4095 cells.
     """
     first, second = distance.ravel(), thickness.ravel()
-    order = _positive(first)
-    for width in (first, second):
-        start = np.zeros(65537, np.int64)
-        for cell in range(first.size):
-            if first[cell] > 0:
-                start[65535 - _sixteenths(width[cell]) + 1] += 1
-        start = np.cumsum(start)
-        result = np.empty(order.size, np.int32)
-        for at in range(order.size):
-            prefetch(width, order[min(at + AHEAD, order.size - 1)])
-            cell = order[at]
-            key = 65535 - _sixteenths(width[cell])
-            result[start[key]] = cell
-            start[key] += 1
-        order = result
+    order = np.empty(np.count_nonzero(first > 0), np.int32)
+    _write_positive(first, order)
+    with scratch(order.size) as sorted_by_first:
+        _write_sorted(order, first, np.zeros(65536, np.int64), sorted_by_first)
+        _write_sorted(sorted_by_first, second, np.zeros(65536, np.int64), order)
     return order
 
 
-@compiled
-def _positive(values: Floats) -> Ints:
+@compiled_bare
+def _write_positive(values: Floats, found: Ints) -> None:
     """Indices of the values above 0; numpy's would take twice the room."""
-    count = 0
-    for value in values:
-        count += 1 if value > 0 else 0
-    found = np.empty(count, np.int32)
     count = 0
     for at in range(values.size):
         if values[at] > 0:
             found[count] = at
             count += 1
-    return found
+
+
+@compiled_bare
+def _write_sorted(order: Ints, width: Floats, start: NDArray[np.int64], result: Ints) -> None:
+    """The cells, in their order where they are equally wide, from wide to narrow; start (65536,) is all 0."""
+    for at in range(order.size):
+        prefetch(width, order[min(at + AHEAD, order.size - 1)])
+        start[_narrowness(width[order[at]])] += 1
+    total = 0
+    for key in range(start.size):
+        start[key], total = total, total + start[key]
+    for at in range(order.size):
+        prefetch(width, order[min(at + AHEAD, order.size - 1)])
+        cell = order[at]
+        key = _narrowness(width[cell])
+        result[start[key]] = cell
+        start[key] += 1
 
 
 @compiled_part
-def _sixteenths(width: float) -> int:
-    return int(min(width * 16, 65535))
+def _narrowness(width: float) -> int:
+    """In whole sixteenths, from 0 for the widest on."""
+    return 65535 - int(min(width * 16, 65535))
 
 
-@compiled
 def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, step: float) -> tuple[Ints, int]:
     """Zones of alike thickness: (H, W) zone of each cell, -1 for cells not in order; and their number.
 
@@ -190,10 +197,15 @@ def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, s
     A zone's root is the first of its cells, hence the thickest.
     Thickness tells steps and distance tells pinches: the discs of two rooms may touch in a door of a thin wall.
     """
-    height, width = thickness.shape
-    thick, way = thickness.ravel(), distance.ravel()
+    forest = np.full(thickness.shape, NO_SET)
+    width = thickness.shape[1]
+    return forest, _unite_zones(thickness.ravel(), distance.ravel(), width, order, pinch, step, forest.ravel())
+
+
+@compiled_bare
+def _unite_zones(thick: Floats, way: Floats, width: int, order: Ints, pinch: float, step: float, forest: Ints) -> int:
+    """Make the forest, of no sets at first, one of the zones of an image (H x W,), and number them."""
     beside = (-width, -1, 1, width)
-    forest = np.full(thick.size, NO_SET, np.int32)
     for at in range(order.size):
         ask_around(forest, order[min(at + AHEAD, order.size - 1)], width)
         prefetch(thick, order[min(at + AHEAD, order.size - 1)])
@@ -221,7 +233,7 @@ def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, s
             is_one = way[cell] >= pinch * thick[zone] or min(-forest[zone], -forest[best]) <= way[cell] ** 2
             if thick[cell] >= step * thick[zone] and is_one:
                 _unite(forest, best, zone)
-    return _numbered(forest, height, width)
+    return _numbered(forest)
 
 
 def crossings(label: Ints) -> Ints:
@@ -300,22 +312,26 @@ def _host(zone: int, area: Floats, breadth: Floats, bonds: Bonds, rules: Rules) 
     return host
 
 
-@compiled
-def distance_near(ends: Ints, height: int, width: int, most: float) -> Floats:
-    """(H, W) from each cell to the nearest of some cells (N, 2), flat indices; beyond ``most`` it may be infinite."""
-    away = np.full((height, width), np.inf, np.float32)
-    reach = int(np.ceil(most))
-    distance = np.empty((reach + 1, reach + 1), np.float32)
-    for down in range(reach + 1):
-        for right in range(reach + 1):
-            distance[down, right] = np.sqrt(np.float32(down * down + right * right))
-    flat = ends.ravel()
+def distance_near(ends: Ints, most: float, away: Floats) -> Floats:
+    """From each cell to the nearest of some cells (N, 2), flat indices, written to ``away`` (H, W); beyond ``most`` it
+    may be infinite.
+    """
+    away.fill(np.inf)
+    off = np.arange(int(np.ceil(most)) + 1, dtype=np.float32) ** 2
+    _write_near(ends.ravel(), np.sqrt(off[:, None] + off), away)
+    return away
+
+
+@compiled_bare
+def _write_near(flat: Ints, distance: Floats, away: Floats) -> None:
+    """distance: from a cell to one so many rows and columns off, as far as they count."""
+    height, width = away.shape
+    reach = len(distance) - 1
     for at in range(flat.size):
         row, column = flat[at] // width, flat[at] % width
         for r in range(max(row - reach, 0), min(row + reach + 1, height)):
             for c in range(max(column - reach, 0), min(column + reach + 1, width)):
                 away[r, c] = min(away[r, c], distance[abs(r - row), abs(c - column)])
-    return away
 
 
 @compiled
@@ -334,19 +350,22 @@ def keep_cores(label: Ints, from_border: Floats, thickness: Floats, most: np.flo
             flat[cell] = -1
 
 
-@compiled
 def flood(label: Ints, mask: Flags, depth: Floats) -> Ints:
     """Grow labels over the mask, deep cells first; borders settle where the fronts meet.  The label image is updated.
 
     label (H, W) the seeds, -1 elsewhere; mask (H, W) where to grow; depth (H, W) 0 or more, told apart by eighths.
     Cells that no seed reaches stay -1.
     """
-    height, width = label.shape
-    result, inside, depths = label.ravel(), mask.ravel(), depth.ravel()
-    top = int(8 * depths.max())
-    head = np.full(top + 1, -1, np.int32)
-    tail = head.copy()
-    following = np.empty(result.size, np.int32)
+    levels = np.full((2, int(8 * depth.max()) + 1), -1, np.int32)
+    with scratch(label.size) as following:
+        _grow(label.ravel(), mask.ravel(), depth.ravel(), label.shape[1], levels[0], levels[1], following)
+    return label
+
+
+@compiled_bare
+def _grow(result: Ints, inside: Flags, depths: Floats, width: int, head: Ints, tail: Ints, following: Ints) -> None:
+    """A queue for each level: head and tail (levels,), -1 for none, and the cell after each cell (H x W,)."""
+    height, top = result.size // width, head.size - 1
     for row in range(height):
         start, end = row * width, (row + 1) * width
         for cell in range(start, end):
@@ -368,7 +387,6 @@ def flood(label: Ints, mask: Flags, depth: Floats) -> Ints:
             if other >= 0 and inside[other] and result[other] < 0:
                 result[other] = result[cell]
                 _enqueue(other, min(int(8 * depths[other]), top), head, tail, following)
-    return label
 
 
 @compiled_part

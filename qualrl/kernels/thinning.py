@@ -1,12 +1,14 @@
 """Thinning: labelled shapes worn down to lines one cell wide."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.kernels.bands import both
 from qualrl.kernels.instructions import AHEAD, ask_around
-from qualrl.kernels.jit import compiled, compiled_part
+from qualrl.kernels.jit import compiled, compiled_bare, compiled_part
 
 Ints = NDArray[np.int32]
 RING = np.array([[0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0], [1, 1]], np.int64)
@@ -47,14 +49,22 @@ def _ring(flat: Ints, height: int, width: int, cell: int) -> int:
     return around
 
 
-@compiled
 def thin(label: Ints, order: Ints) -> Ints:
     """(H, W) the shapes, each worn down, cells in the given order, to a line; -1 elsewhere.
 
     label (H, W), -1 outside every shape; order: flat indices of the cells, those near the edge first.
     """
-    height, width = label.shape
-    flat, rest = label.ravel().copy(), order.copy()
+    line = label.copy()
+    # No cell of a shape looks at those of another, so that two threads may go over the same image.
+    is_even = label.ravel()[order] % 2 == 0
+    both(*(partial(_wear_down, line.ravel(), line.shape[1], order[part]) for part in (is_even, ~is_even)))
+    return line
+
+
+@compiled_bare
+def _wear_down(flat: Ints, width: int, rest: Ints) -> None:
+    """The image (H x W,) and the cells are updated."""
+    height = flat.size // width
     count, before = rest.size, rest.size + 1
     while count < before:
         before, count = count, 0
@@ -66,7 +76,6 @@ def thin(label: Ints, order: Ints) -> Ints:
             else:
                 rest[count] = cell
                 count += 1
-    return flat.reshape(height, width)
 
 
 @compiled

@@ -22,6 +22,7 @@ Words = NDArray[np.uint64]
 MOST_LEAVES = 64
 """Of a tree: a bit of a word each."""
 MOST_TREES = 2**16
+ALL_LEAVES = np.uint64(2**64 - 1)
 
 
 class Trees(NamedTuple):
@@ -57,16 +58,6 @@ class Questions(NamedTuple):
     first_leaf: Ints
     """(T,) the number of each tree's leftmost leaf."""
     start: float
-
-
-class Asked(NamedTuple):
-    """Trees, and what they are asked at a time."""
-
-    questions: Questions
-    features: Floats
-    """(F,)"""
-    left_over: Words
-    """(T,) scratch: the leaves that are left."""
 
 
 def questions_of(trees: Trees) -> Questions:
@@ -110,19 +101,26 @@ def odds_of(questions: Questions, features: Floats) -> Floats:
     found = np.empty(len(features))
     left_over = np.empty(len(questions.first_leaf), np.uint64)
     for row in range(len(features)):
-        found[row] = odds(Asked(questions, features[row], left_over))
+        left_over[:] = ALL_LEAVES
+        for feature in range(features.shape[1]):
+            take_away(questions, feature, features[row, feature], left_over)
+        found[row] = odds(questions, left_over)
     return found
 
 
 @compiled_part
-def odds(asked: Asked) -> float:
-    """The logarithm of the odds that the trees give to what is asked."""
-    questions, left_over = asked.questions, asked.left_over
-    left_over[:] = np.uint64(2**64 - 1)
-    for feature in range(len(questions.first) - 1):
-        first = questions.first[feature]
-        for test in range(first, _passed(questions, asked.features[feature], first, questions.first[feature + 1])):
-            left_over[questions.tree[np.uint64(test)]] &= questions.left_over[np.uint64(test)]
+def take_away(questions: Questions, feature: int, value: float, left_over: Words) -> None:
+    """Take away the leaves (T,) to which no tree comes where a feature has that value."""
+    if feature >= len(questions.first) - 1:
+        return  # no tree asks for it
+    first = questions.first[feature]
+    for test in range(first, _passed(questions, value, first, questions.first[feature + 1])):
+        left_over[questions.tree[np.uint64(test)]] &= questions.left_over[np.uint64(test)]
+
+
+@compiled_part
+def odds(questions: Questions, left_over: Words) -> float:
+    """The logarithm of the odds, when all features took away their leaves."""
     total = questions.start
     for tree in range(len(left_over)):
         total += questions.leaf[np.uint64(questions.first_leaf[tree]) + np.uint64(trailing_zeros(left_over[tree]))]

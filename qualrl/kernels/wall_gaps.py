@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels.jit import compiled
+from qualrl.kernels.scratch import scratch
 
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int32]
@@ -75,21 +76,29 @@ def off_middle(found: Ints) -> Ints:
     return off
 
 
-@compiled
 def apart(found: Ints, order: Ints, height: int, width: int, rows: int, slack: int) -> Flags:
     """(G,) which gaps stay when of those that lie side by side only the first in order does.
 
     Side by side: within so many rows, and less than ``slack`` columns from overlapping.
     """
-    taken = np.zeros((height, width), np.bool_)
     stays = np.zeros(len(found), np.bool_)
+    with scratch(-(-height * width // 4)) as block:
+        taken = block.view(np.bool_)[: height * width].reshape(height, width)
+        taken.fill(False)
+        _mark_apart(found, order, rows, slack, taken, stays)
+    return stays
+
+
+@compiled
+def _mark_apart(found: Ints, order: Ints, rows: int, slack: int, taken: Flags, stays: Flags) -> None:
+    """Taken (H, W), stays (G,): False at first."""
+    height = len(taken)
     for gap in order:
         row, first, last = found[gap, 0], found[gap, 1], found[gap, 2]
         top, bottom = max(row - rows, 0), min(row + rows + 1, height)
         if not taken[top:bottom, max(first - slack, 0) : last + slack + 1].any():
             taken[row, first : last + 1] = True
             stays[gap] = True
-    return stays
 
 
 @compiled
@@ -125,11 +134,17 @@ def walls_between(zone: Ints, most: int) -> tuple[Ints, Ints]:
     return pair, axis
 
 
-@compiled
 def single_gaps(free: Flags) -> Flags:
     """(H, W) free cells that are gaps of one cell: walls on two opposite sides, and before and behind them all free."""
+    found = np.zeros(free.shape, np.bool_)
+    _mark_gaps(free, found)
+    return found
+
+
+@compiled
+def _mark_gaps(free: Flags, found: Flags) -> None:
+    """Found (H, W): False at first."""
     height, width = free.shape
-    found = np.zeros((height, width), np.bool_)
     for row in range(1, height - 1):
         above, here, below = free[row - 1], free[row], free[row + 1]
         for column in range(1, width - 1):
@@ -137,4 +152,3 @@ def single_gaps(free: Flags) -> Flags:
             corners = above[column - 1] & above[column + 1] & below[column - 1] & below[column + 1]
             through = (north & south & (not west) & (not east)) | (west & east & (not north) & (not south))
             found[row, column] = here[column] & corners & through
-    return found

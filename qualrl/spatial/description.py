@@ -103,11 +103,10 @@ def recorded(
     width = parts.label.shape[1]
     return [
         Region(
-            name, kind, int(size), float(size * resolution_m**2), (float(row), float(column)),
-            divmod(int(at), width), shape,
+            name, kind, size, size * resolution_m**2, (row, column), divmod(at, width), shape,
         )
         for (name, kind), size, (row, column), at, shape in zip(
-            titles, parts.cells, parts.centroid, parts.centre, shapes, strict=True
+            titles, parts.cells.tolist(), parts.centroid.tolist(), parts.centre.tolist(), shapes, strict=True
         )
     ]  # fmt: skip
 

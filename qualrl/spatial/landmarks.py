@@ -4,6 +4,7 @@ H, W: rows, columns.  Lengths are in cells unless their name says otherwise.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -27,8 +28,19 @@ CLEAR = 0.8
 CORNER_RAD = (0.8, 2.2)
 """The walls of a corner meet at an angle in this range."""
 
+Flags = NDArray[np.bool_]
 Ints = NDArray[np.int32]
 Floats = NDArray[np.float32]
+
+
+class Bend(NamedTuple):
+    """Where two long straight walls meet with the free space between them."""
+
+    leg: float
+    """Length of the shorter of the two."""
+    cell: Cell
+    outward: tuple[float, float]
+    """Rows and columns to go to get farther into the corner."""
 
 
 def find_landmarks(
@@ -37,6 +49,7 @@ def find_landmarks(
     doorways: Sequence[Doorway],
     distance: Floats,
     half_width: Floats,
+    bends: Sequence[Bend],
     resolution_m: float,
 ) -> tuple[Landmark, ...]:
     """All landmarks: doorways, corners, junctions, dead ends, centres; each kind by region and position.
@@ -47,7 +60,7 @@ def find_landmarks(
     marks = [Landmark(door.name, "doorway", middle_of(door.cells), door.cells, door.pair) for door in doorways]
     (junctions, dead_ends), corners = both(
         lambda: _corridor_marks(label, regions, doorways, distance, half_width),
-        lambda: _corners(label, distance, half_width, resolution_m),
+        lambda: _corners(label, half_width, bends, resolution_m),
     )
     centres = [region.centre for region in regions if region.kind != "pocket"]
     for kind, cells in (("corner", corners), ("junction", junctions), ("dead end", dead_ends), (CENTRE, centres)):
@@ -64,12 +77,15 @@ def middle_of(cells: Ints) -> Cell:
     return int(row), int(column)
 
 
-def _corners(label: Ints, distance: Floats, half_width: Floats, resolution_m: float) -> list[Cell]:
-    """Cells where two long straight walls meet with the free space between them."""
-    mask = ((distance > 0) & (label >= 0)).astype(np.uint8)
-    contours, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    roughness, leg = max(ROUGHNESS_M / resolution_m, 1.0), max(LEG_M / resolution_m, 2.0)
-    found: list[tuple[float, Cell]] = []
+def _least_leg(resolution_m: float) -> float:
+    return max(LEG_M / resolution_m, 2.0)
+
+
+def find_bends(free: Flags, resolution_m: float) -> list[Bend]:
+    """All bends of the walls around free cells (H, W)."""
+    contours, _ = cv2.findContours(free.view(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    roughness, leg = max(ROUGHNESS_M / resolution_m, 1.0), _least_leg(resolution_m)
+    found: list[Bend] = []
     for contour in contours:
         if len(contour) < 2 * leg:
             continue
@@ -81,10 +97,16 @@ def _corners(label: Ints, distance: Floats, half_width: Floats, resolution_m: fl
         angle = np.arctan2(turn, (before * after).sum(axis=1))
         for at in np.flatnonzero((shorter >= leg) & (angle > CORNER_RAD[0]) & (angle < CORNER_RAD[1])):
             outward = -(before[at] / np.hypot(*before[at]) + after[at] / np.hypot(*after[at]))
-            cell = _tip(label, (int(shape[at, 1]), int(shape[at, 0])), (float(outward[1]), float(outward[0])))
-            if shorter[at] >= LEG_SHARE * half_width[label[cell]]:
-                found.append((float(shorter[at]), cell))
-    return _spread(found, leg)
+            cell = int(shape[at, 1]), int(shape[at, 0])
+            found.append(Bend(float(shorter[at]), cell, (float(outward[1]), float(outward[0]))))
+    return found
+
+
+def _corners(label: Ints, half_width: Floats, bends: Sequence[Bend], resolution_m: float) -> list[Cell]:
+    """The cells in bends whose walls are long for their region's width."""
+    tips = [(leg, _tip(label, cell, outward)) for leg, cell, outward in bends]
+    long = [(leg, cell) for leg, cell in tips if leg >= LEG_SHARE * half_width[label[cell]]]
+    return _spread(long, _least_leg(resolution_m))
 
 
 def _tip(label: Ints, cell: Cell, outward: tuple[float, float], most: int = 4) -> Cell:

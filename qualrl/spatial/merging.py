@@ -7,7 +7,8 @@ merged, the likeliest to be one first, and each merged place is looked at anew.
 h, w: rows, columns of the view.  Z: zones.
 """
 
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
 from importlib.resources import files
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from qualrl.kernels import merging as kernels
 from qualrl.kernels import regions as zone_kernels
 from qualrl.kernels import wall_gaps, zone_graph
+from qualrl.kernels.bands import Result, both
 from qualrl.kernels.bonds import Bonds, linked
 from qualrl.kernels.labels import borders, consecutive, renumber, sizes
 from qualrl.kernels.trees import Questions, Trees, questions_of
@@ -57,13 +59,20 @@ class ZoneGraph(NamedTuple):
     """(3,) features of the whole map."""
 
 
-def merged_regions(view: View, occupied: Flags, min_area_m2: float) -> Labels:
-    """(h, w) region of each cell of the view, -1 where it is not free; occupied (H, W)."""
+def merged_regions(
+    view: View, occupied: Flags, min_area_m2: float, meanwhile: Callable[[], Result]
+) -> tuple[Labels, Result]:
+    """(h, w) region of each cell of the view, -1 where it is not free; occupied (H, W).
+
+    And what a task makes that another processor has time for.
+    """
     graph = zone_graph_of(view, occupied)
-    kernels.merge(graph.places, graph.bonds, questions(), graph.about, LEAST_ODDS, min_area_m2, NO_SAMPLES)
+    asked = questions()
+    merge = partial(kernels.merge, graph.places, graph.bonds, asked, graph.about, LEAST_ODDS, min_area_m2, NO_SAMPLES)
+    _, made = both(merge, meanwhile)
     region = renumber(graph.zone, graph.places.parent)
-    del graph
-    return straightened(region, view, STRAIGHTENED_M / view.cell_m)
+    del graph, merge
+    return straightened(region, view, STRAIGHTENED_M / view.cell_m), made
 
 
 @cache
@@ -86,13 +95,14 @@ def unpacked(stored: dict[str, NDArray[np.generic]]) -> Trees:
 def zone_graph_of(view: View, occupied: Flags) -> ZoneGraph:
     """The zones of a view, unmerged; occupied (H, W)."""
     wall = walls_of(view.of_grid(without_specks(occupied) if view.zoom == 1 else occupied), view.clear)
-    lines = find_wall_lines(wall, view.clear, view.cell_m)
+    lines, _ = both(partial(find_wall_lines, wall, view.clear, view.cell_m), view.measure)
     zone = _zones(view, view.clear & (lines.line < 0))
     count = int(zone.max()) + 1
     ends = zone_kernels.crossings(zone)
-    places = _places(zone, count, view, wall, lines)
+    places, bonds = both(
+        partial(_places, zone, count, view, wall, lines), partial(_bonds, zone, count, ends, view, lines)
+    )
     np.add.at(places.sums[:, kernels.TOUCHING], zone.ravel()[ends].ravel(), view.cell_m)
-    bonds = _bonds(zone, count, ends, view, lines)
     walls, unknown, area = (places.sums[:, column].sum() for column in (kernels.WALLS, kernels.UNKNOWN, kernels.AREA))
     breadth = places.sums[:, kernels.THICK].sum() / max(area, 1e-6)
     about = np.array([unknown / max(walls + unknown, 1e-6), np.log(max(count, 1) / max(area, 1e-2)), breadth])

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,5 +120,6 @@ def name_regions(regions: Sequence[Region]) -> tuple[Region, ...]:
         number = count[region.kind]
         count[region.kind] += 1
         tail = letters(number) if region.kind == "room" else str(number + 1)
-        named.append(replace(region, name=f"{region.kind} {tail}"))
+        # As ``dataclasses.replace``, which takes five times as long, and there are thousands of pockets.
+        named.append(Region(**{**region.__dict__, "name": f"{region.kind} {tail}"}))
     return tuple(named)

@@ -98,7 +98,8 @@ class Doorway:
 
 def farthest_apart(cells: NDArray[np.int32]) -> tuple[Cell, Cell]:
     """Two of some cells (N, 2) that are as far apart as any, in image order; a cell twice where there is only one."""
-    hull = np.unique(cv2.convexHull(cells.astype(np.int32)).reshape(-1, 2), axis=0)
+    hull = cv2.convexHull(cells.astype(np.int32)).reshape(-1, 2)
+    hull = hull[np.lexsort(hull.T[::-1])]
     apart = ((hull[:, None] - hull[None]) ** 2).sum(axis=2)
     first, last = hull[list(divmod(int(apart.argmax()), len(hull)))].tolist()
     return (first[0], first[1]), (last[0], last[1])

@@ -3,8 +3,9 @@
 H, W: rows, columns of the grid.
 """
 
+from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +14,16 @@ from qualrl.errors import SettingError
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.bands import both
 from qualrl.kernels.labels import as_label, consecutive, labels_at, renumber, sizes
+from qualrl.kernels.scratch import kept_for_reuse
 from qualrl.spatial.description import describe, mean_half_width, measure
 from qualrl.spatial.doorways import find_doorways, renumbered
 from qualrl.spatial.footprint import fitted
 from qualrl.spatial.joining import joined_regions
-from qualrl.spatial.landmarks import find_landmarks
+from qualrl.spatial.landmarks import Bend, find_bends, find_landmarks
 from qualrl.spatial.merging import merged_regions
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.region_map import RegionMap
-from qualrl.spatial.view import SIDE_M, WALLED_M, View, look, shrunk
+from qualrl.spatial.view import SIDE_M, WALLED_M, Things, View, look, shrunk
 
 PINCH = 0.85
 """See ``segment``."""
@@ -30,6 +32,7 @@ Flags = NDArray[np.bool_]
 Labels = NDArray[np.int32]
 
 
+@kept_for_reuse()
 def segment(
     grid: OccupancyGrid,
     *,
@@ -62,20 +65,23 @@ def segment(
     resolution_m = grid.resolution_m
     free, in_pockets, pocket = _without_pockets(grid.free, max(min_area_m2 / resolution_m**2, 9))
     view = look(free, resolution_m, furniture_m)
+    on_grid = partial(_on_grid, view, grid)
     if resolution_m <= WALLED_M:
-        seen = _walled(view, free, grid.occupied, resolution_m, furniture_m, min_area_m2)
+        seen, (distance, thing, bends) = _walled(view, free, grid, furniture_m, min_area_m2, on_grid)
     else:
-        seen = view.to_grid(joined_regions(view, min_area_m2 / view.cell_m**2, pinch), -1)
-    shown = view.posture
-    seen, free = shown.of(seen), shown.of(free)
-    label = shown.back(_settled(seen, free, min_area_m2 / resolution_m**2))
-    del seen, free
+        seen = view.one_a_cell(joined_regions(view, min_area_m2 / view.cell_m**2, pinch))
+        distance, thing, bends = on_grid()
+    shown = view.posture.of(free[view.window])
+    seen = np.where(shown, seen, np.int32(-1))
+    thickness = view.width_on_grid(view.thickness)
+    view.forget()
+    label = view.placed(_settled(seen, shown, min_area_m2 / resolution_m**2), -1)
+    del seen, free, shown
     label.ravel()[in_pockets] = pocket + label.max() + 1
     is_pocket = np.zeros(consecutive(label), np.bool_)
     is_pocket[label.ravel()[in_pockets]] = True
-    half_width = mean_half_width(label, view.width_on_grid(view.thickness))
-    distance, thing = view.width_on_grid(view.distance), view.to_grid(view.thing, -1)
-    del view
+    half_width = mean_half_width(label, thickness)
+    del view, on_grid, thickness
     parts, unordered = both(
         partial(measure, label, is_pocket, half_width),
         partial(find_doorways, label, distance, thing, pinch * half_width, resolution_m),
@@ -85,7 +91,7 @@ def segment(
     rank = np.argsort(order).astype(np.int32)
     renumber(label, rank)
     half_width, doorways = half_width[order], renumbered(unordered, rank.tolist())
-    landmarks = find_landmarks(label, regions, doorways, distance, half_width, resolution_m)
+    landmarks = find_landmarks(label, regions, doorways, distance, half_width, bends, resolution_m)
     return fitted(RegionMap(grid, label, regions, doorways, landmarks), radius_m)
 
 
@@ -107,17 +113,38 @@ def _check(**settings: tuple[float, float]) -> None:
             raise SettingError(f"segment: {name} must be from 0 to {most:g}, got {value}")
 
 
+class _OnGrid(NamedTuple):
+    """What the view knows, seen from the grid."""
+
+    distance: NDArray[np.float32]
+    """(H, W) from each cell to the nearest that is not free, 0 on those that are looked past."""
+    thing: Things
+    """(H, W) number of the piece of furniture at each cell, -1 where none."""
+    bends: list[Bend]
+
+
+def _on_grid(view: View, grid: OccupancyGrid) -> _OnGrid:
+    distance = view.width_on_grid(view.distance)
+    return _OnGrid(distance, view.to_grid(view.thing, -1), find_bends((distance > 0) & grid.free, grid.resolution_m))
+
+
 def _walled(
-    view: View, free: Flags, occupied: Flags, resolution_m: float, furniture_m: float, min_area_m2: float
-) -> Labels:
-    """(H, W) regions of a map that shows walls, seen in larger cells where its own are very small."""
+    view: View, free: Flags, grid: OccupancyGrid, furniture_m: float, min_area_m2: float, on_grid: Callable[[], _OnGrid]
+) -> tuple[Labels, _OnGrid]:
+    """The region of each cell of the view's window, of a map that shows walls (see ``View.one_a_cell``); and the rest.
+
+    Maps whose own cells are very small are seen in larger ones.
+    """
+    occupied, resolution_m = grid.occupied, grid.resolution_m
     height, width = free.shape
     times = max(int(SIDE_M / resolution_m + 0.2), 1)
     if times == 1 or not (large := shrunk(free, times, False)).any():
-        return view.to_grid(merged_regions(view, occupied, min_area_m2), -1)
-    view = look(large, resolution_m * times, furniture_m)
-    found = view.to_grid(merged_regions(view, shrunk(occupied, times, True), min_area_m2), -1)
-    return found.repeat(times, 0).repeat(times, 1)[:height, :width]
+        region, found = merged_regions(view, occupied, min_area_m2, on_grid)
+        return view.one_a_cell(region), found
+    coarse = look(large, resolution_m * times, furniture_m)
+    region, found = merged_regions(coarse, shrunk(occupied, times, True), min_area_m2, on_grid)
+    blown = coarse.to_grid(region, -1).repeat(times, 0).repeat(times, 1)[:height, :width]
+    return view.posture.of(blown[view.window]), found
 
 
 def _settled(seen: Labels, free: Flags, min_area: float) -> Labels:
@@ -125,7 +152,6 @@ def _settled(seen: Labels, free: Flags, min_area: float) -> Labels:
 
     Of each region the largest piece stays and grows over the cells that the view did not show.
     """
-    seen[~free] = -1
     piece, cells = _pieces(seen)
     owner = labels_at(piece, cells.size, seen)
     most = np.zeros(int(seen.max()) + 1, np.int64)

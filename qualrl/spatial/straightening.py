@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels import regions as kernels
+from qualrl.kernels.scratch import scratch
 from qualrl.spatial.distance import distance_within
 from qualrl.spatial.view import View
 
@@ -18,14 +19,13 @@ def straightened(region: Labels, view: View, most: float = np.inf) -> Labels:
     ends = kernels.crossings(region)
     if not len(ends):
         return region
-    kernels.keep_cores(region, _from_border(ends, region.shape, most), view.thickness, np.float32(most))
+    with scratch(region.size) as block:
+        from_border = block.view(np.float32).reshape(region.shape)
+        if most <= NEAR:
+            kernels.distance_near(ends, most, from_border)
+        else:
+            beyond = np.ones(region.shape, np.bool_)
+            beyond.ravel()[ends] = False
+            from_border = distance_within(beyond)
+        kernels.keep_cores(region, from_border, view.thickness, np.float32(most))
     return kernels.flood(region, view.clear, view.distance)
-
-
-def _from_border(ends: Labels, shape: tuple[int, ...], most: float) -> NDArray[np.float32]:
-    """(h, w) from each cell to the nearest of the ends (N, 2), flat indices; farther than ``most`` may be infinite."""
-    if most <= NEAR:
-        return kernels.distance_near(ends, shape[0], shape[1], most)
-    beyond = np.ones(shape, np.bool_)
-    beyond.ravel()[ends] = False
-    return distance_within(beyond)

@@ -74,13 +74,30 @@ class View:
         found.ravel()[self.gap] = GAP_DISTANCE
         return found
 
+    def measure(self) -> None:
+        """Work out distance and thickness now, where that costs least."""
+        _ = self.thickness
+
+    def forget(self) -> None:
+        """Let go of distance and thickness, which take much memory."""
+        for name in ("distance", "thickness"):
+            self.__dict__.pop(name, None)
+
     def to_grid(self, array: NDArray[Number], elsewhere: int) -> NDArray[Number]:
         """(H, W) an array (h, w) as seen from the grid, and its value where the view does not reach."""
-        whole = np.empty(self.shape, array.dtype)
+        return self.placed(self.one_a_cell(array), elsewhere)
+
+    def one_a_cell(self, array: NDArray[Number]) -> NDArray[Number]:
+        """What an array (h, w) holds for each cell of the window, as the view shows it."""
+        return array[1:-1, 1:-1][:: self.zoom, :: self.zoom]
+
+    def placed(self, shown: NDArray[Number], elsewhere: int) -> NDArray[Number]:
+        """(H, W) what is shown of the window's cells, seen from the grid, and its value beyond the window."""
+        whole = np.empty(self.shape, shown.dtype)
         rows, columns = self.window
         whole[: rows.start] = whole[rows.stop :] = elsewhere
         whole[rows, : columns.start] = whole[rows, columns.stop :] = elsewhere
-        self.posture.back(array[1:-1, 1:-1][:: self.zoom, :: self.zoom], whole[self.window])
+        self.posture.back(shown, whole[self.window])
         return whole
 
     def width_on_grid(self, width: Floats) -> Floats:
