@@ -373,6 +373,7 @@ def test_each_command_takes_a_depth(here, question):
         assert (told == document) == (depth == "numbers")
     error = qualrl_command(name, "loop.scenario.yaml", *options, "--depth", "deep", cwd=here, expect=2)[1]
     assert "Value error" not in error
+    assert "Input should" not in error
     assert error.count("\n") == 1
     assert all(depth in error for depth in ("names", "signs", "numbers"))
 

@@ -439,3 +439,15 @@ def test_the_command_answers_and_refuses(tmp_path):
         _, error = qualrl_command("robust", "loop.scenario.yaml", *wrong, cwd=tmp_path, expect=2)
         assert message in error
         assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "told"),
+    [("--confidence", "foo", "write a number"), ("--ways", "foo", "write a whole number"), ("--ways", "0", "must be")],
+)
+def test_wrong_numbers_of_options_are_told_in_plain_words(tmp_path, option, value, told):
+    error = qualrl_command("robust", "loop.scenario.yaml", option, value, cwd=tmp_path, expect=2)[1]
+    assert told in error
+    assert option in error
+    assert "nput should" not in error
+    assert error.count("\n") == 1

@@ -11,6 +11,13 @@ from typer.core import TyperCommand, TyperGroup
 
 from qualrl import __version__
 
+PYDANTIC = {
+    "Value error, ": "", "Input should be a valid number, unable to parse string as a number": "write a number",
+    "Input should be a valid integer, unable to parse string as an integer": "write a whole number",
+    "Input should be a valid integer, got a number with a fractional part": "write a whole number",
+    "Input should be": "it must be",
+}  # fmt: skip
+"""What its messages begin with, in plain words."""
 IN_SHORT = {
     "run": "Map, model, learning, explained plan, pictures: all of it.",
     "show": "Describe a scenario or a map: regions, doors, landmarks.",
@@ -109,7 +116,8 @@ def main() -> None:
 def _usage(error: Any) -> str:
     """One line of what the command line has wrong."""
     what = " ".join(error.format_message().split()).rstrip(".?").replace(". Did you mean", "; did you mean")
-    what = what.replace("Value error, ", "")  # so pydantic begins
+    for begun, plain in PYDANTIC.items():
+        what = what.replace(begun, plain)
     if re.match(r"No such option: -\d", what):
         what += "; what begins with - goes after --"
     context = getattr(error, "ctx", None)
