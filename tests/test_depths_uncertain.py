@@ -136,7 +136,7 @@ def test_how_sure(algorithm, settings, slip):
         if part["visited"] and part["optimal"] is not None:
             kinds = ("settled", "unsettled", "wrong", "equal", "untried")
             frequent = sorted((kind for kind in kinds if part[kind]), key=lambda kind: -part[kind])
-            words = {"unsettled": "not settled", "untried": "not both tried"}
+            words = {"unsettled": "not settled", "untried": "not both known"}
             assert line.endswith(f": {', '.join(words.get(kind, kind) for kind in frequent)}")
     wrong = [part for part in document["regions"] if part["mean_error"]]
     worst = [part["name"] for part in sorted(wrong, key=lambda part: -part["mean_error"])]

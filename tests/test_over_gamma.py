@@ -141,6 +141,26 @@ def test_where_two_doorways_change_places_both_verdicts_are_found():
     assert "gamma" not in answer.explain("names")
 
 
+def test_the_plan_s_own_doorway_is_told_what_it_is_worth_if_slips_may_not_change_it():
+    model = qualrl.build(qualrl.segment(grid_of(ALONG_OR_ROUND)), [13, 25], start=[6, 2], gamma=0.97, slip=0.2)
+    answer, regions = qualrl.questions.why(model), model.regions
+    one, other = (
+        worth_through(model, next(of for of in regions.doorways if of.name == way.doors[0]), 0.2)
+        for way in (answer.best, answer.other)
+    )
+    assert answer.bound.value == pytest.approx(one, abs=1e-8)
+    assert one < other == pytest.approx(answer.other.value, abs=1e-8)
+    told = f"bound to {answer.best.doors[0]} it would be worth {answer.bound.value:.6g}."
+    assert told in answer.explain()
+    assert "it would be worth less." in answer.explain("signs")
+    assert "bound to" not in answer.explain("names")
+    step = qualrl.plan(model).steps[0]
+    assert step.margin < 0
+    assert "may turn to another doorway after a slip" in step.reason
+    assert "learned" not in step.reason
+    assert qualrl.questions.why(at_gamma(model, 0.97).with_closed([answer.other.doors[0]])).bound is None
+
+
 def test_what_is_looked_for_too_long_is_undecided(monkeypatch):
     monkeypatch.setattr(over_gamma, "MOST_SOLVED", 6)
     model = qualrl.build(qualrl.segment(grid_of(ALONG_OR_ROUND)), [13, 25], start=[6, 2], gamma=0.97, slip=0.2)

@@ -246,7 +246,7 @@ def test_how_seldom_a_doorway_must_be_open_for_the_way_by_a_stop(start, goal, st
 
 def doors_of(way):
     """The doorways and the goal of a way in JSON, each with where it lies."""
-    return ", ".join(f"{name} {turn}" for name, turn in zip([*way["doors"], "the goal"], way["turns"], strict=True))
+    return ", ".join(f"{name} {turn}" for name, turn in zip([*way["passes"], "the goal"], way["turns"], strict=True))
 
 
 def test_a_way_tells_where_to_turn():
@@ -258,6 +258,20 @@ def test_a_way_tells_where_to_turn():
     assert answer.by.turns == ("to the south", "to the left", "behind you", "to the left", "straight ahead")
     first, second = answer.best.doors
     assert f"by {first} to the south, {second} to the left, the goal straight ahead)" in answer.explain("names")
+
+
+def test_a_landmark_to_come_by_is_one_of_the_things_passed():
+    """On the corridor's floor, to the right as one comes out of the first door; from there on by the compass."""
+    regions = qualrl.segment(grid_of(THREE_ROOMS))
+    model = qualrl.build(regions, [2, 18], start=[2, 3], gamma=0.97, landmarks={"mat": [8, 1]})
+    answer = qualrl.questions.why_not(model, "mat")
+    first, second = answer.by.doors
+    assert answer.by.passes == (first, "mat", second)
+    assert answer.by.turns == ("to the south", "straight ahead", "to the east", "straight ahead")
+    assert f"by {first} to the south, mat straight ahead, {second} to the east, the goal" in answer.explain("names")
+    here = qualrl.questions.why_not(qualrl.build(regions, [2, 18], start=[2, 3], landmarks={"mat": [2, 3]}), "mat")
+    assert here.by.turns == here.best.turns
+    assert here.by.passes == here.best.passes
 
 
 def test_the_answer_holds_every_number_that_it_says(loop):

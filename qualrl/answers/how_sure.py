@@ -53,7 +53,7 @@ class HowSure(Answer):
     def lines(self, depth: Depth) -> Iterator[str]:
         """See Answer."""
         run = f", {self.episodes} episodes with seed {self.seed}, {self.total_steps:,} steps,"
-        at = depth.at_numbers(f" at gamma {self.gamma:g}")
+        at = depth.at_numbers(f" at gamma {self.gamma:.12g}")
         yield f"{self.algorithm}{depth.at_numbers(run)} beside exact values{at}."
         if depth != Depth.NAMES:
             worth = f"{self.learned:.6g} learned, {self.exact:.6g} exact, error {self.error:.3g}"

@@ -87,7 +87,7 @@ class Influences(Answer):
 
     def lines(self, depth: Depth) -> Iterator[str]:
         """See Answer."""
-        at = depth.at_numbers(f" at gamma {self.gamma:g}")
+        at = depth.at_numbers(f" at gamma {self.gamma:.12g}")
         yield f"From {self.start} to {self.goal}{at}: {self.way.with_worth(depth)}."
         if depth != Depth.NAMES:
             yield "How its value changes when one thing grows and the way stays:"

@@ -11,6 +11,7 @@ from qualrl.answers.uncertain import check_span
 from qualrl.errors import SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.qualitative.arrivals import Solved, sign_between
+from qualrl.qualitative.plan_value import told_apart
 from qualrl.qualitative.signs import one_after_the_other
 from qualrl.solving.exact import ExactValues, exact_values
 
@@ -49,16 +50,17 @@ class OverGamma:
         """The verdicts in one sentence; ``first`` and ``second`` say what to call the two."""
         called = {1: first, -1: second, 0: "undecided"}
         told = [of for of in self.verdicts if of.sign]
-        ends = self.verdicts[0].low, self.verdicts[-1].high
-        every = f"every gamma {depth.at_numbers(f'from {ends[0]:.6g} to {ends[1]:.6g}', 'asked about')}"
+        cuts = told_apart([*(of.low for of in self.verdicts), self.verdicts[-1].high])
+        every = f"every gamma {depth.at_numbers(f'from {cuts[0]} to {cuts[-1]}', 'asked about')}"
         if not told:
             return f"which of {first} and {second} is worth more is undecided for {every}"
         if len(self.verdicts) == 1:
             return f"for {every} {called[told[0].sign]} is worth more: proved"
         if depth != Depth.NUMBERS:
             return f"worth more is {one_after_the_other([called[of.sign] for of in self.verdicts], 'gamma')}: proved"
-        spans = ", ".join(f"{called[of.sign]} for gamma from {of.low:.6g} to {of.high:.6g}" for of in told)
-        rest = [f"{of.low:.6g} to {of.high:.6g}" for of in self.verdicts if not of.sign]
+        parts = list(zip(self.verdicts, cuts[:-1], cuts[1:], strict=True))
+        spans = ", ".join(f"{called[of.sign]} for gamma from {low} to {high}" for of, low, high in parts if of.sign)
+        rest = [f"{low} to {high}" for of, low, high in parts if not of.sign]
         undecided = f"; undecided from {', '.join(rest)}" if rest else ""
         return f"worth more is {spans}: proved{undecided}"
 

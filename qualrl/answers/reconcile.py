@@ -61,7 +61,7 @@ class Reconciled(Answer):
         beside = ""
         if self.best is not None:
             beside = depth.at_signs(f", {self.own.worth_beside(self.best)}; {longer(self.own, self.best, depth)}")
-        at = depth.at_numbers(f" at gamma {self.gamma:g}")
+        at = depth.at_numbers(f" at gamma {self.gamma:.12g}")
         yield f"Best from {self.start} to {self.goal}{at}: {self._best_in_words(depth)}."
         yield f"Expected: {self.own.with_worth(depth)}{opened}{beside}."
         if self.slips and depth != Depth.NAMES:

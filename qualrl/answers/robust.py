@@ -96,7 +96,7 @@ class Robust(Answer):
 
     def lines(self, depth: Depth) -> Iterator[str]:
         """See Answer."""
-        at = depth.at_numbers(f" at gamma {self.gamma:g}")
+        at = depth.at_numbers(f" at gamma {self.gamma:.12g}")
         yield f"From {self.start} to {self.goal}{at}, as far as it is known:"
         yield from (f"  {line}" for line in known_in_words(self.uncertain, depth))
         for number, rival in enumerate(self.rivals, 1):

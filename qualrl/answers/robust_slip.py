@@ -61,7 +61,7 @@ class RobustSlip(Answer):
     def lines(self, depth: Depth) -> Iterator[str]:
         """See Answer."""
         slip = f"moves slip with a probability of {between(*self.slip)}{self._counted()}"
-        at = depth.at_numbers(f" at gamma {self.gamma:g}")
+        at = depth.at_numbers(f" at gamma {self.gamma:.12g}")
         yield f"From {self.start} to {self.goal}{at}, {depth.at_numbers(slip, 'moves may slip')}."
         if depth == Depth.NUMBERS:
             for door, (least, most) in self.worth.items():

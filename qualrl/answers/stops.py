@@ -30,6 +30,8 @@ class StoppingWay:
     """States from the start to the first stop, from there to the next one, and so on to the goal."""
     shifted: float
     """That value, shifted as exact values are."""
+    stops: tuple[str | None, ...]
+    """Where each part but the last ends: a landmark by its name, None for a doorway or a region's border."""
 
     @property
     def walk(self) -> tuple[int, ...]:
@@ -81,7 +83,11 @@ def way_by(model: HybridMDP, exact: ExactValues, start: int, stops: Sequence[str
         parts.append(layer.walk(here))
         here = parts[-1][-1]
     parts.append(tuple(exact_walk(model, exact, here)))
-    return StoppingWay(tuple(parts), float(layers[0].slope.shifted[start] if layers else exact.shifted[start]))
+    assert model.regions is not None
+    marks = {mark.name for mark in model.regions.landmarks} - {door.name for door in model.regions.doorways}
+    shifted = layers[0].slope.shifted[start] if layers else exact.shifted[start]
+    names = tuple(layer.name if layer.name in marks - set(model.region_names) else None for layer in layers)
+    return StoppingWay(tuple(parts), float(shifted), names)
 
 
 def worth_by(model: HybridMDP, exact: ExactValues, start: int, stops: Sequence[str]) -> float:

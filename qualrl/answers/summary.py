@@ -133,7 +133,7 @@ class Summary(Answer):
     def lines(self, depth: Depth) -> Iterator[str]:
         """A line a region."""
         slip = f", moves slipping{depth.at_numbers(f' with probability {self.slip:g}')}" if self.slip else ""
-        best = f"Best{depth.at_numbers(f' at gamma {self.gamma:g}')}{slip}"
+        best = f"Best{depth.at_numbers(f' at gamma {self.gamma:.12g}')}{slip}"
         first = depth.at_signs(", what is nearest to it first") if len(self.rules) > 1 else ""
         yield f"{best}, wherever one is, to reach {self.goal}{first}:"
         yield from (rule.in_words(depth) for rule in self.rules if rule.steps_to_goal is not None)

@@ -26,7 +26,7 @@ from qualrl.solving.exact import all_action_values
 ALIKE = 1e-9
 """Values that differ by less than this share are the same."""
 IN_WORDS = {
-    "settled": "settled", "unsettled": "not settled", "wrong": "wrong", "equal": "equal", "untried": "not both tried",
+    "settled": "settled", "unsettled": "not settled", "wrong": "wrong", "equal": "equal", "untried": "not both known",
 }  # fmt: skip
 ORDERS = tuple(IN_WORDS)
 SETTLED, UNSETTLED, WRONG, EQUAL, UNTRIED = range(5)

@@ -65,7 +65,7 @@ class Trying:
             yield "So trying never pays: going round is as good even if it is open."
         elif at is not None:
             tends = "" if limit is None else f" (as gamma tends to 1: {float(limit):.4g})"
-            enough = f"with a probability above {at:.4g} at gamma {self.gamma:g}{tends}"
+            enough = f"with a probability above {at:.4g} at gamma {self.gamma:.12g}{tends}"
             yield f"So trying pays if it is open {depth.at_numbers(enough, 'with a probability that is high enough')}."
         else:
             yield "So for who goes there it makes no difference whether it is open."

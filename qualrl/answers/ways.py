@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, zip_longest
 from typing import Any
 
 import numpy as np
@@ -61,9 +61,11 @@ class Way:
     places: tuple[str, ...]
     doors: tuple[str, ...]
     """The doorway taken between each two places."""
+    passes: tuple[str, ...]
+    """The same, with the landmarks in between that one is to come by."""
     turns: tuple[str | None, ...]
-    """Where each of them lies, and last the goal: the first by the compass, the others against the heading there;
-    None where there is nothing to walk."""
+    """Where each of ``passes`` lies, and last the goal: the first by the compass, and what comes after a landmark; the
+    others against the heading there.  None where there is nothing to walk."""
     steps: int
     length_m: float
     worth: Worth
@@ -76,7 +78,7 @@ class Way:
 
     def in_words(self, depth: Depth) -> str:
         """Places, length and doorways."""
-        ends = zip((*self.doors, "the goal"), self.turns, strict=True)
+        ends = zip((*self.passes, "the goal"), self.turns, strict=True)
         *doors, goal = (f"{name} {turn}" if turn else name for name, turn in ends)
         length = depth.at_numbers(f"{self.steps} steps, {self.length_m:.2f} m")
         told = " ".join(part for part in (length, f"by {', '.join(doors)}" if doors else "") if part)
@@ -94,17 +96,20 @@ class Way:
     def to_dict(self) -> dict[str, Any]:
         """As JSON."""
         return {
-            "places": list(self.places), "doors": list(self.doors), "turns": list(self.turns),
-            "steps": self.steps, "length_m": self.length_m,
+            "places": list(self.places), "doors": list(self.doors), "passes": list(self.passes),
+            "turns": list(self.turns), "steps": self.steps, "length_m": self.length_m,
             "value": self.value, "shifted": self.worth.shifted, "shift": self.worth.shift,
             "off": self.worth.off,
         }  # fmt: skip
 
 
-def way_of(model: HybridMDP, parts: Sequence[Sequence[int]], shifted: float, shift: float = 0.0) -> Way:
+def way_of(
+    model: HybridMDP, parts: Sequence[Sequence[int]], shifted: float, shift: float = 0.0,
+    stops: Sequence[str | None] = (),
+) -> Way:  # fmt: skip
     """A way in one or more parts; where one begins, its place is told however briefly it is visited.
 
-    shifted: what it is worth, plus shift.
+    shifted: what it is worth, plus shift.  stops: the landmarks at which parts end, None for those that end elsewhere.
     """
     regions, places, doors = model.regions, list[str](), list[str]()
     assert regions is not None
@@ -117,30 +122,38 @@ def way_of(model: HybridMDP, parts: Sequence[Sequence[int]], shifted: float, shi
     return Way(
         told,
         tuple(doors),
-        _turns(model, regions, parts),
+        *_turns(model, regions, parts, stops),
         sum(len(part) - 1 for part in parts),
         far_m,
         worth_of(model.grid, shifted, shift),
     )
 
 
-def _turns(model: HybridMDP, regions: RegionMap, parts: Sequence[Sequence[int]]) -> tuple[str | None, ...]:
-    """See ``Way.turns``."""
-    found, turn = list[str | None](), None
+def _turns(
+    model: HybridMDP, regions: RegionMap, parts: Sequence[Sequence[int]], stops: Sequence[str | None]
+) -> tuple[tuple[str, ...], tuple[str | None, ...]]:
+    """``Way.passes`` and ``Way.turns``."""
+    passes, turns, turn = list[str](), list[str | None](), None
     before: Heading | None = None
-    for part in parts:
+    for part, stop in zip_longest(parts, stops):
         path: list[Cell] = [(row, column) for row, column in model.grid.cells[list(part)].tolist()]
-        for passage in passages(regions, path):
+        legs = legs_of(model, part)
+        for at, passage in enumerate(passages(regions, path)):
             turn = None if passage.side is None else SIDES[passage.side]
             if passage.compass is not None:
                 (row, column), (to_row, to_column) = path[0], path[passage.steps]
                 turn = f"to the {passage.compass}"
                 turn = SIDES[turned(before, (to_row - row, to_column - column))] if before else turn
             if passage.left_by is not None:
-                found.append(turn)
+                first = legs[at + 1].first
+                passes.append(door_taken(model, regions, part[first - 1], part[first]).name)
+                turns.append(turn)
+        if stop is not None and len(path) > 1:
+            passes.append(stop)
+            turns.append(turn)
         if len(path) > 1:
-            before = path[-1][0] - path[-2][0], path[-1][1] - path[-2][1]
-    return (*found, turn)
+            before = None if stop is not None else (path[-1][0] - path[-2][0], path[-1][1] - path[-2][1])
+    return tuple(passes), (*turns, turn)
 
 
 def course(model: HybridMDP, walk: Sequence[int]) -> Course:

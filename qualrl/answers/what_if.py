@@ -105,7 +105,7 @@ class WhatIf(Answer):
 
     def lines(self, depth: Depth) -> Iterator[str]:
         """See Answer."""
-        at = depth.at_numbers(f" at gamma {self.gamma:g}")
+        at = depth.at_numbers(f" at gamma {self.gamma:.12g}")
         now = NO_WAY if self.before is None else self.before.with_worth(depth)
         yield f"Now from {self.start} to {self.goal}{at}: {now}."
         yield f"With {', '.join(change.in_words(depth) for change in self.changes)}: {self._after_in_words(depth)}."

@@ -69,7 +69,7 @@ class WhichMatters(Answer):
     def lines(self, depth: Depth) -> Iterator[str]:
         """See Answer."""
         first = depth.at_signs(", what matters most first") if len(self.losses) > 1 else ""
-        worth = depth.at_numbers(f", worth {self.value:.6g} at gamma {self.gamma:g}", first)
+        worth = depth.at_numbers(f", worth {self.value:.6g} at gamma {self.gamma:.12g}", first)
         yield f"From {self.start} to {self.goal}{worth}:"
         if not self.losses:
             yield "no single doorway or region matters"

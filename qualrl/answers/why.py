@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.answers.account import Account, account_of_policy, account_of_walk
-from qualrl.answers.answer import ALIKE, Answer
+from qualrl.answers.answer import ALIKE, WORTH, Answer
 from qualrl.answers.depth import Depth
 from qualrl.answers.over_gamma import UNDECIDED, OverGamma, Span, over_gamma
 from qualrl.answers.policy import best_policy
 from qualrl.answers.slope import Slope
 from qualrl.answers.through import ThroughWay, values_through, way_through
-from qualrl.answers.ways import Way, course, longer, way_of
+from qualrl.answers.ways import Way, Worth, course, longer, way_of, worth_of
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.choices import Chooser
 from qualrl.planning.crossings import door_taken
@@ -72,6 +72,8 @@ class Why(Answer):
     """The accounts of both ways, largest difference first; the differences add up to that of the values."""
     contrast: Contrast | None
     """Of both ways for every gamma; None where moves slip, or there is only one."""
+    bound: Worth | None = None
+    """What the best doorway is worth if slips may not change it; None where no move slips, or that is all the same."""
     over_gamma: OverGamma | None = None
     """Of leaving by the one doorway or the other, for a range of gammas where moves slip; None unless asked for."""
 
@@ -98,6 +100,12 @@ class Why(Answer):
             return
         if abs(margin) > ALIKE * abs(self.best.value):
             yield from self._made_up_of(margin, depth)
+        if self.bound is not None:
+            words = WORTH[1 + int(np.sign(self.bound.beside(self.best.worth)))]
+            bound = (
+                f"bound to {self.best.doors[0]} it would be {depth.at_numbers(f'worth {self.bound.value:.6g}', words)}"
+            )
+            yield f"The plan may turn to another doorway after a slip; {bound}."
         if self.contrast is not None:
             words = self.contrast.in_words("the plan", "the next best", depth == Depth.NUMBERS)
             yield f"Of these two ways, {words}."
@@ -110,7 +118,7 @@ class Why(Answer):
 
     def _made_up_of(self, margin: float, depth: Depth) -> Iterator[str]:
         told = [entry for entry in self.entries if abs(entry.difference) > FELT * margin]
-        all_of_it = f"The {margin:.3g} at gamma {self.gamma:g} is made up of:"
+        all_of_it = f"The {margin:.3g} at gamma {self.gamma:.12g} is made up of:"
         yield depth.at_numbers(all_of_it, "What is for it and what against it, what matters most first:")
         yield from (entry.in_words(depth) for entry in told)
         rest = sum(entry.difference for entry in self.entries[len(told) :])
@@ -123,6 +131,7 @@ class Why(Answer):
             "question": "why", "at": self.at, "cell": list(self.cell), "to": self.goal, "gamma": self.gamma,
             "action": self.action, "best": self.best.to_dict(), "other_action": self.other_action,
             "other": None if self.other is None else self.other.to_dict(), "margin": self.margin,
+            "bound": None if self.bound is None else {"value": self.bound.value, "shifted": self.bound.shifted},
             "entries": [
                 {"region": of.region, "kind": of.kind, "best": of.best, "other": of.other, "difference": of.difference}
                 for of in self.entries
@@ -170,6 +179,7 @@ def why(model: HybridMDP, start: int, goal: str, at: str | None, gammas: Span | 
         place, cell, goal, model.gamma, action, best,
         f"go through {others[0].door.name} to {model.region_names[others[0].to_region]}", other, _entries(*accounts),
         None if slips else contrast(course(model, walk), course(model, through.walk)),
+        _bound(model, exact, walk[0], door, best) if slips else None,
         None if gammas is None else over_gamma(model, gammas, partial(_through, walk[0], (door, others[0].door))),
     )  # fmt: skip
 
@@ -184,6 +194,13 @@ def _from(model: HybridMDP, exact: ExactValues, walk: list[int], at: str) -> lis
     state = int(model.grid.state_of[model.regions.regions[region].centre])
     model.check_reachable(state)
     return exact_walk(model, exact, state)
+
+
+def _bound(model: HybridMDP, exact: ExactValues, start: int, door: Doorway, best: Way) -> Worth | None:
+    """See ``Why.bound``."""
+    shifted = values_through(model, exact, start, door, model.grid.slip)[1][start]
+    worth = worth_of(model.grid, shifted, exact.shift)
+    return worth if worth.beside(best.worth) else None
 
 
 def _through(start: int, doors: tuple[Doorway, Doorway], model: HybridMDP, exact: ExactValues) -> tuple[float, float]:

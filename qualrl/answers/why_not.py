@@ -37,10 +37,11 @@ class Rather:
     def in_words(self, stops: str, depth: Depth) -> str:
         """As a line of the answer."""
         if self.below is None:
-            return f"Even if {self.door} were never open, going there first would not be worth less."
+            even = f"Even if {self.door} were never open, going there first"
+            return f"{even} would not be worth less than the way by {stops}."
         limit = self.break_even.limit
         tends = "" if limit is None else f" (as gamma tends to 1: {float(limit):.4g})"
-        seldom = f"with a probability below {self.below:.4g} at gamma {self.gamma:g}{tends}"
+        seldom = f"with a probability below {self.below:.4g} at gamma {self.gamma:.12g}{tends}"
         seldom = depth.at_numbers(seldom, "seldom enough")
         return f"The way by {stops} would be worth more if {self.door} were open {seldom}."
 
@@ -68,7 +69,7 @@ class WhyNot(Answer):
     rather: tuple[Rather, ...] = ()
     """Of each doorway that the best way passes and the other does not; () where moves slip."""
     over_gamma: OverGamma | None = None
-    """The same for a range of gammas, where moves slip; None unless asked for."""
+    """Of the two for a range of gammas, where moves slip; None unless asked for."""
 
     @property
     def is_by_itself(self) -> bool:
@@ -87,7 +88,7 @@ class WhyNot(Answer):
         yield f"Best by {stops}: {self.by.with_worth(depth)}."
         if depth == Depth.NAMES:
             return
-        at = depth.at_numbers(f" at gamma {self.gamma:g}")
+        at = depth.at_numbers(f" at gamma {self.gamma:.12g}")
         if self.is_by_itself:
             yield f"So going by {stops} costs nothing{at}."
         else:
@@ -131,7 +132,7 @@ def why_not(
     best = exact_walk(model, exact, start)
     by = way_by(model, exact, start, stops)
     way = way_of(model, [best], exact.shifted[start], exact.shift)
-    other = way_of(model, by.parts, by.shifted, exact.shift)
+    other = way_of(model, by.parts, by.shifted, exact.shift, by.stops)
     compared, rather = None, list[Rather]()
     if model.grid.slip == 0:
         compared = contrast(course(model, best), course(model, by.walk))

@@ -202,6 +202,11 @@ def _step_through(
         reason = (
             f"worth {value:.6g}, which is {margin:.3g} more than the next best, {action(other)} ({other_value:.6g})"
         )
+    elif values.source == "exact":
+        reason = (
+            f"worth {value:.6g} bound to {door.name}, less than bound to {action(other)} ({other_value:.6g}), but it "
+            "may turn to another doorway after a slip"
+        )
     else:
         reason = (
             f"worth {value:.6g} by what was learned; {action(other)} would be worth {-margin:.3g} more "
