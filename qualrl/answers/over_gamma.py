@@ -11,7 +11,7 @@ from qualrl.answers.uncertain import check_span
 from qualrl.errors import SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.qualitative.arrivals import Solved, sign_between
-from qualrl.qualitative.plan_value import told_apart
+from qualrl.qualitative.plan_value import Verdict, told_apart
 from qualrl.qualitative.signs import one_after_the_other
 from qualrl.solving.exact import ExactValues, exact_values
 
@@ -28,23 +28,13 @@ Span = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """Which of two ways is worth more from one gamma to another."""
-
-    low: float
-    high: float
-    sign: int
-    """1 for the first, -1 for the second, 0 where it is undecided."""
-
-
-@dataclass(frozen=True)
 class OverGamma:
     """Two ways compared for all gammas of a range."""
 
     solved: tuple[Solved, ...]
     """By gamma; both ends of the range among them."""
     verdicts: tuple[Verdict, ...]
-    """In order, without gaps."""
+    """In order, without gaps; of sign 0 where it is undecided."""
 
     def in_words(self, first: str, second: str, depth: Depth) -> str:
         """The verdicts in one sentence; ``first`` and ``second`` say what to call the two."""
