@@ -18,6 +18,8 @@ from qualrl.solving.exact import ExactValues, exact_values
 FIRST_SOLVED, MOST_SOLVED = 6, 48
 NARROW = 0.002
 """What is undecided is left so once gamma's distance from 1 changes by a smaller share across it."""
+NARROWEST = 1e-9
+"""On the same scale, a range that is narrower is lost in rounding."""
 FEWEST = 1e-280
 """A smaller E[gamma ** T] is not computed to all its digits."""
 
@@ -76,6 +78,8 @@ def over_gamma(
     check_span("gamma", gammas, 0, 1)
     if not 0 < gammas[0] < gammas[1] < 1:
         raise SettingError(f"a range of gammas must lie within (0, 1), got {gammas[0]:g}..{gammas[1]:g}")
+    if _nearness(gammas[1]) - _nearness(gammas[0]) < NARROWEST:
+        raise SettingError(f"a range from {gammas[0]!r} to {gammas[1]!r} is too narrow for points in it to differ")
     if model.grid.slip == 0:
         raise SettingError("no move slips, so the answer tells of every gamma as it is: ask without a range of gammas")
     if model.grid.directions != 4:

@@ -83,16 +83,17 @@ def way_by(model: HybridMDP, exact: ExactValues, start: int, stops: Sequence[str
         parts.append(layer.walk(here))
         here = parts[-1][-1]
     parts.append(tuple(exact_walk(model, exact, here)))
-    assert model.regions is not None
-    marks = {mark.name for mark in model.regions.landmarks} - {door.name for door in model.regions.doorways}
-    shifted = layers[0].slope.shifted[start] if layers else exact.shifted[start]
-    names = tuple(layer.name if layer.name in marks - set(model.region_names) else None for layer in layers)
-    return StoppingWay(tuple(parts), float(shifted), names)
+    others = {*model.region_names, *(door.name for door in model.regions.doorways)} if model.regions else set[str]()
+    names = tuple(None if layer.name in others else layer.name for layer in layers)
+    return StoppingWay(tuple(parts), _worth(layers, exact, start), names)
 
 
 def worth_by(model: HybridMDP, exact: ExactValues, start: int, stops: Sequence[str]) -> float:
     """What that way is worth, shifted as exact values are."""
-    layers = _layers(model, exact, stops)
+    return _worth(_layers(model, exact, stops), exact, start)
+
+
+def _worth(layers: Sequence[_Layer], exact: ExactValues, start: int) -> float:
     return float(layers[0].slope.shifted[start] if layers else exact.shifted[start])
 
 
