@@ -198,6 +198,11 @@ def test_what_no_range_can_be_told_about_is_refused(gammas, motion, message):
         qualrl.questions.why_not(model, REGIONS.region_names[-1], gammas=gammas)
 
 
+def test_a_range_that_is_none_is_refused_where_there_is_nothing_to_choose_too():
+    with pytest.raises(SettingError, match="the lower end first"):
+        qualrl.questions.why(qualrl.build(REGIONS, [2, 24], start=[2, 22], slip=0.1), gammas=(0.9, 0.5))
+
+
 def test_the_command_answers(tmp_path):
     draw(tmp_path, "loop", LOOP)
     (tmp_path / "loop.scenario.yaml").write_text(

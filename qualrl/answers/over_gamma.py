@@ -75,15 +75,7 @@ def over_gamma(
     Raises SettingError for what is no range, where no move slips, where steps are not paid alike, and for a gamma so
     small that floating point cannot hold what the ways are worth.
     """
-    check_span("gamma", gammas, 0, 1)
-    if not 0 < gammas[0] < gammas[1] < 1:
-        raise SettingError(f"a range of gammas must lie within (0, 1), got {gammas[0]:g}..{gammas[1]:g}")
-    if _nearness(gammas[1]) - _nearness(gammas[0]) < NARROWEST:
-        raise SettingError(f"a range from {gammas[0]!r} to {gammas[1]!r} is too narrow for points in it to differ")
-    if model.grid.slip == 0:
-        raise SettingError("no move slips, so the answer tells of every gamma as it is: ask without a range of gammas")
-    if model.grid.directions != 4:
-        raise SettingError("diagonal steps cost more than others, so no range of gammas tells: set motion.directions 4")
+    check_gammas(model, gammas)
 
     def solve(gamma: float, towards: float = 0.0) -> Solved:
         changed, exact = _at(model, gamma, towards)
@@ -98,6 +90,19 @@ def over_gamma(
     points = _solved(solve, *gammas)
     signs = [sign_between(points, at) for at in range(len(points) - 1)]
     return OverGamma(tuple(points), _joined(points, signs))
+
+
+def check_gammas(model: HybridMDP, gammas: Span) -> None:
+    """Raise SettingError for what is no range of gammas, or none that can be told about in a model."""
+    check_span("gamma", gammas, 0, 1)
+    if not 0 < gammas[0] < gammas[1] < 1:
+        raise SettingError(f"a range of gammas must lie within (0, 1), got {gammas[0]:g}..{gammas[1]:g}")
+    if _nearness(gammas[1]) - _nearness(gammas[0]) < NARROWEST:
+        raise SettingError(f"a range from {gammas[0]!r} to {gammas[1]!r} is too narrow for points in it to differ")
+    if model.grid.slip == 0:
+        raise SettingError("no move slips, so the answer tells of every gamma as it is: ask without a range of gammas")
+    if model.grid.directions != 4:
+        raise SettingError("diagonal steps cost more than others, so no range of gammas tells: set motion.directions 4")
 
 
 def _at(model: HybridMDP, gamma: float, towards: float) -> tuple[HybridMDP, ExactValues]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from qualrl.answers.account import Account, account_of_policy, account_of_walk
 from qualrl.answers.answer import ALIKE, WORTH, Answer
 from qualrl.answers.depth import Depth
-from qualrl.answers.over_gamma import UNDECIDED, OverGamma, Span, over_gamma
+from qualrl.answers.over_gamma import UNDECIDED, OverGamma, Span, check_gammas, over_gamma
 from qualrl.answers.policy import best_policy
 from qualrl.answers.slope import Slope
 from qualrl.answers.through import ThroughWay, values_through, way_through
@@ -155,6 +155,8 @@ def why(model: HybridMDP, start: int, goal: str, at: str | None, gammas: Span | 
     """
     assert model.regions is not None
     model.check_reachable(start)
+    if gammas is not None:
+        check_gammas(model, gammas)
     exact = exact_values(model.world)
     walk = exact_walk(model, exact, start)
     if at is not None:
