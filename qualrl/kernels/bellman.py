@@ -56,9 +56,12 @@ def settle_grid(
     waiting: Any,
     at: Any,
     tolerance: Any,
+    floor: Any,
     max_sweeps: Any,
 ) -> Any:
-    """Sweep states until none is further from its backup than tolerance times itself; the sweeps made, or -1.
+    """Sweep states until none is further from its backup than tolerance times itself, or times the floor.
+
+    Returns the sweeps made, or -1 if that was not enough.
 
     The N states are numbered outward from the goal, so that a sweep hands values outward, and
     layer_end[k] is the end of layer k.  near (N, A): where moves lead; from N on: states with values that stay.
@@ -97,7 +100,7 @@ def settle_grid(
                 backup = max(backup, slipping) if helps else min(backup, slipping)
             change = backup - value[s]
             value[s] = backup + (ahead - 1.0) * change
-            if abs(change) > tolerance * max(backup, 1e-300):
+            if abs(change) > tolerance * max(backup, floor):
                 waiting[s], at[SURE] = True, 0
                 for a in range(n_actions):
                     t = near[s, a]
@@ -164,11 +167,13 @@ def solve_table(
     value: Any,
     n_actions: Any,
     tolerance: Any,
+    floor: Any,
     max_sweeps: Any,
 ) -> Any:
-    """Sweep the states of ``order`` until none changes by more than tolerance times itself; the sweeps made, or -1.
+    """Sweep the states of ``order`` until none changes by more than tolerance times itself, or times the floor.
 
-    Terminal states keep their value, as do those that are not in ``order``.
+    Returns the sweeps made, or -1 if that was not enough.  Terminal states keep their value, as do those that are
+    not in ``order``.
     """
     q = np.empty(n_actions)
     for sweep in range(max_sweeps):
@@ -177,7 +182,7 @@ def solve_table(
             if terminal[s]:
                 continue
             best = table_backup(row_start, target, probability, reward, gamma, value, s, q)
-            change = max(change, abs(best - value[s]) / max(best, 1e-300))
+            change = max(change, abs(best - value[s]) / max(best, floor))
             value[s] = best
         if change <= tolerance:
             return sweep + 1

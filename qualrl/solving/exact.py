@@ -18,6 +18,8 @@ from qualrl.models.tabular_mdp import TabularMDP
 World = GridWorld | TabularMDP
 
 TOLERANCE = 1e-12
+FLOOR = 1e-300
+"""Smaller values, where float64 has fewer digits, settle no better than this one."""
 MAX_SWEEPS = 1_000_000
 STATES_A_CALL = 2_000_000
 LEAST_RELAXATION = 1.2
@@ -61,17 +63,18 @@ def exact_values(world: World, error: float | None = None) -> ExactValues:
     """Optimal values of a world, by Gauss-Seidel value iteration outward from the goal.
 
     error: no value may be off by more; by default, and at most, values settle to a relative 1e-12 of their backups.
+    Given an error, places so far away that it hides their value may all be worth the same.
     Raises SettingError for an error that is not above 0, and if the sweeps do not settle (only for gamma extremely
     near 1).
     """
     shift = shift_of(world)
-    tolerance = _tolerance(world, shift, error)
+    floor = _floor(world, shift, error)
     if isinstance(world, GridWorld):
-        shifted = _solve_grid(world, shift, world.slip, tolerance)
+        shifted = _solve_grid(world, shift, world.slip, floor)
         value = shifted - shift
         value[world.goal] = 0.0
     else:
-        shifted = _solve_table(world, shift, tolerance)
+        shifted = _solve_table(world, shift, floor)
         value = np.where(world.terminal, 0.0, shifted - shift)
     return ExactValues(value, shifted, shift)
 
@@ -83,7 +86,7 @@ def values_between(world: GridWorld, span: SlipSpan) -> ExactValues:
     policy is worth at least as much at each of them as if it does not.  world: of slip ``span.high``.
     """
     shift = shift_of(world)
-    shifted = _solve_grid(world, shift, span, TOLERANCE)
+    shifted = _solve_grid(world, shift, span, FLOOR)
     value = shifted - shift
     value[world.goal] = 0.0
     return ExactValues(value, shifted, shift)
@@ -94,22 +97,22 @@ def error_of(world: World, exact: ExactValues) -> float:
     return 2 * TOLERANCE * float(exact.shifted.max()) / (1 - world.gamma)
 
 
-def _tolerance(world: World, shift: float, error: float | None) -> float:
-    """How far values may be from their backups, relatively, so that none is off by more than the error.
+def _floor(world: World, shift: float, error: float | None) -> float:
+    """Up to which value all may be as far from their backups as this one, so that none is off by more than the error.
 
     Where no value is further than d from its backup, none is off by more than d / (1 - gamma).
     """
     if error is None:
-        return TOLERANCE
+        return FLOOR
     if not error > 0:
         raise SettingError(f"the error of values must be above 0, got {error}")
     most = max(world.reward_bounds[1], 0.0)
     largest = shift + (most if isinstance(world, GridWorld) else most / (1 - world.gamma))
-    return max(min(error * (1 - world.gamma) / largest, 1e-3), TOLERANCE) if largest > 0 else TOLERANCE
+    return min(error * (1 - world.gamma), 1e-3 * largest) / TOLERANCE if largest > 0 else FLOOR
 
 
 def _solve_grid(
-    world: GridWorld, shift: float, slip: float | SlipSpan, tolerance: float
+    world: GridWorld, shift: float, slip: float | SlipSpan, floor: float
 ) -> NDArray[np.float64]:  # fmt: skip
     cut_off = np.flatnonzero(world.steps_to_goal < 0)
     value = np.zeros(len(world))
@@ -129,7 +132,7 @@ def _solve_grid(
             world.gamma,
             slip,
             value,
-            tolerance,
+            floor,
         )
     value[world.goal] = shift
     return value
@@ -138,13 +141,13 @@ def _solve_grid(
 def settle_outward(
     successor: NDArray[np.uint32], order: NDArray[np.int64], layer: NDArray[np.int32], reward: NDArray[np.float64],
     goal: int, goal_value: float, gamma: float, slip: "float | SlipSpan", value: NDArray[np.float64],
-    tolerance: float = TOLERANCE,
+    floor: float = FLOOR,
 ) -> None:  # fmt: skip
     """Solve for the shifted values of the states of ``order`` (N,) and put them in value (S,); the others stay.
 
     successor (S, A); order: outward from what stays; layer (N,): how far each is; reward (A,) shifted; goal: -1 for
     none.  A move and those that slip from it must be possible backwards.
-    slip: a probability, or between what it lies at each step.
+    slip: a probability, or between what it lies at each step.  floor: smaller values need not settle any better.
     """
     if not len(order):
         return
@@ -161,7 +164,7 @@ def settle_outward(
         number[successor[order]], np.flatnonzero(np.diff(layer, append=-1)) + 1, reward,
         int(number[goal]) if goal >= 0 else -1, goal_value, gamma, float(least), most, helps,
         relaxation(least, gamma, successor.shape[1]) if most is None else 1.0, ordered,
-        np.ones(len(states), np.bool_), np.zeros(4, np.int64), tolerance,
+        np.ones(len(states), np.bool_), np.zeros(4, np.int64), TOLERANCE, floor,
     )  # fmt: skip
     value[states] = ordered
 
@@ -178,12 +181,12 @@ def relaxation(slip: float, gamma: float, n_actions: int) -> float:
     return factor if factor > LEAST_RELAXATION else 1.0
 
 
-def _solve_table(world: TabularMDP, shift: float, tolerance: float) -> NDArray[np.float64]:
+def _solve_table(world: TabularMDP, shift: float, floor: float) -> NDArray[np.float64]:
     value = np.where(world.terminal, shift, 0.0)
     swept(
         len(world), bellman.solve_table,
         world.row_start, world.target, world.probability, world.reward + shift * (1 - world.gamma), world.terminal,
-        world.gamma, np.arange(len(world))[::-1].copy(), value, world.n_actions, tolerance,
+        world.gamma, np.arange(len(world))[::-1].copy(), value, world.n_actions, TOLERANCE, floor,
     )  # fmt: skip
     return value
 
