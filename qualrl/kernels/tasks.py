@@ -52,6 +52,7 @@ class Spot(NamedTuple):
     """Where a state's numbers stand."""
 
     row: int
+    kind: int
     k: int
     """How many options it has."""
     start: int
@@ -181,7 +182,16 @@ def spot_of(rows: Any, n_options: Any, s: Any) -> Any:
     """Where the numbers of a state stand."""
     kind = int64(rows.kind_of[s])
     start = rows.option_start[kind]
-    return Spot(rows.first[s], rows.option_start[kind + 1] - start, start, kind * n_options)
+    return Spot(rows.first[s], kind, rows.option_start[kind + 1] - start, start, kind * n_options)
+
+
+@compiled_inline
+def _spot_after(rows: Any, n_options: Any, here: Any, s: Any) -> Any:
+    """The same, after a step from another: mostly of its kind, and then nothing waits for what is looked up by that."""
+    kind, k, start, base = here.kind, here.k, here.start, here.base
+    if rows.kind_of[uint64(s)] != kind:
+        _, kind, k, start, base = spot_of(rows, n_options, s)
+    return Spot(rows.first[uint64(s)], kind, k, start, base)
 
 
 @compiled_inline
@@ -189,6 +199,7 @@ def _learn(q: Any, visits: Any, alpha: Any, entry: Any, target: Any) -> Any:
     """Move an entry towards a target, by alpha or, with visits, by the rate that has come to it."""
     if visits is not None:
         alpha = next_rate(visits, entry)
+    entry = uint64(entry)
     q[entry] += alpha * (target - q[entry])
 
 
@@ -336,7 +347,7 @@ def run_steps(
                     running = int64(rows.option[here.start + place])
             if running >= 0:
                 if policy is not None:
-                    a = int64(policy[here.row + place])
+                    a = int64(policy[uint64(here.row + place)])
                 if policy is None:
                     low = here.row + here.k + n_actions + place * n_actions
                     waits = pending if machine is not None else int64(-1)
@@ -356,7 +367,7 @@ def run_steps(
                 grid, slip, table, uint64(s), uint64(a), n_actions, r0, r1, r2, r3
             )
             s = int64(moved)
-            there = spot_of(rows, n_options, s)
+            there = _spot_after(rows, n_options, here, s)
             gain += discount * reward
             discount *= gamma
             total += reward
@@ -368,8 +379,9 @@ def run_steps(
                 running = -1
                 _learn_agents(q, visits, rates, rows, agents, worst, n_actions, here, there, s, a, over, reward)
             if agents is None and running >= 0:
-                place = int64(rows.position[there.base + running])
-                if place < 0 or q[there.row + place] == -np.inf:
+                if there.kind != here.kind:
+                    place = int64(rows.position[there.base + running])
+                if place < 0 or q[uint64(there.row + place)] == -np.inf:
                     running = -1
             if over and pending >= 0:
                 _learn(q, visits, alpha, pending, gain)
