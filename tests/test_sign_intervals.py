@@ -190,7 +190,7 @@ def test_zeros_very_near_to_0_and_1(terms, planted, times_one):
         terms = with_zero(terms, zero)
     found = sign_intervals(terms)
     check_signs(json.loads(json.dumps(found.certificate())), terms)
-    assert all(0 < low and high < 1 for low, high in found.brackets)
+    assert all(low > 0 and high < 1 for low, high in found.brackets)
     for zero in zeros:
         assert any(low <= zero <= high for low, high in found.brackets)
     cuts = [Fraction(0), *(end for bracket in found.brackets for end in bracket), Fraction(1)]
@@ -255,3 +255,7 @@ def test_numbers_of_verdicts_are_told_apart():
     assert told_apart([0.99999998]) == ["0.99999998"]
     assert told_apart([0.5, 0.5 + 1e-8]) == ["0.5", "0.50000001"]
     assert told_apart([1 - Fraction(1, 10**30)]) == ["1 - 1e-30"]
+    assert told_apart([Fraction(1, 10**400), Fraction(1, 2)]) == ["1e-400", "0.5"]
+    near = 1 - Fraction(1, 10**30) - Fraction(1, 10**38), 1 - Fraction(1, 10**30)
+    assert told_apart(near) == ["1 - 1.00000001e-30", "1 - 1e-30"]
+    assert told_apart([0.0, 2**-30]) == ["0", "9.31323e-10"]  # 0 itself is 0

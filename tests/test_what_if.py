@@ -56,6 +56,32 @@ def test_at_the_break_even_trying_is_worth_as_much_as_going_round(opened, closed
 
 
 @settings(deadline=None, max_examples=60)
+@given(COURSES, COURSES, COURSES, st.sampled_from([0.001, 0.3, 0.97]))
+def test_what_trying_is_worth_more_than_going_round(opened, closed, around, gamma):
+    opened, closed, around = (Course((Stretch("start", 60, -1.0), *of.stretches)) for of in (opened, closed, around))
+    found = BreakEven(opened, closed, around)
+    exact = Fraction(gamma)
+    for more, sign, way in zip(found.more_than_round(gamma), found.signs_at(gamma), (opened, closed), strict=True):
+        wanted = worth(way, exact) - worth(around, exact)
+        assert abs(Fraction(more) - wanted) <= abs(wanted) * Fraction(1, 10**40)
+        assert sign == (wanted > 0) - (wanted < 0)
+
+
+def test_where_six_digits_tell_nothing_trying_is_set_beside_going_round():
+    model = qualrl.build(REGIONS, (1, 20), start=(1, 1), gamma=0.3)
+    doors = crossed(model, qualrl.plan(model).path)
+    answer = qualrl.questions.what_if(model, close=doors[:1], chance=0.5)
+    values, more = answer.trying.values, answer.to_dict()["trying"]["more_than_round"]
+    assert len({f"{of:.6g}" for of in values.values()}) == 1
+    ways = answer.trying.break_even
+    seen, unseen = (worth(way, Fraction(0.3)) - worth(ways.round, Fraction(0.3)) for way in (ways.open, ways.closed))
+    assert unseen < 0 < seen
+    assert [float(of) for of in more.values()] == pytest.approx([float(seen), float(unseen)], rel=1e-12)
+    told = f"{float(seen):.3g} more than going round if it is, {-float(unseen):.3g} less than going round if it is not"
+    assert told in answer.explain()
+
+
+@settings(deadline=None, max_examples=60)
 @given(COURSES, COURSES, COURSES)
 def test_the_limit_is_where_the_formula_tends_to(opened, closed, around):
     found = BreakEven(opened, closed, around)
