@@ -27,6 +27,8 @@ from tests.test_why_not import COURSES
 from tests.worlds import TWO_ROOMS, free_masks, grid_of
 
 REGIONS = qualrl.segment(grid_of(LOOP))
+APART = "#.....#" + "#" * (len(LOOP.split()[0]) - 7) + "\n" + LOOP.split()[-1] + "\n"
+"""A room below that no doorway leads to."""
 CELLS = [tuple(cell) for cell in np.argwhere(REGIONS.grid.free).tolist()]
 GAMMAS = st.integers(1, 999).map(lambda thousandths: Fraction(thousandths, 1000))
 
@@ -313,6 +315,25 @@ def test_what_changes_nothing_says_so():
     assert answer.is_same_way
     assert "the same way" in answer.explain()
     assert answer.switch is None
+
+
+@pytest.mark.parametrize("changes", [{"slip": 0.1}, {"gamma": 0.9}, {"directions": 8}, {"close": "door 1"}])
+def test_where_no_way_leads_it_says_what_stays_out_of_reach(changes):
+    regions = qualrl.segment(grid_of(LOOP + APART))
+    model = qualrl.build(regions, [2, 24], start=[len(LOOP.split()), 2], gamma=0.97)
+    answer = qualrl.questions.what_if(model, **changes)
+    assert answer.before is None
+    assert answer.after is None
+    assert answer.switch is None
+    shut = model.with_closed([changes["close"]]) if "close" in changes else model
+    before, after = (len(nx.node_connected_component(steps_graph(of), model.grid.goal)) for of in (model, shut))
+    assert [(of.arriving, of.cells) for of in answer.reach] == [(before, len(model)), (after, len(model))]
+    told = answer.explain().splitlines()
+    assert told[0].endswith("no way leads there.")
+    assert f"still no way leads from {answer.start} to {answer.goal}." in told[1]
+    assert f"can be reached from {after} of {len(model)} cells with that" in told[2]
+    assert "'qualrl why-unreachable' tells" in told[2]
+    assert not any(character.isdigit() for character in answer.explain("signs").splitlines()[2])
 
 
 def test_what_cannot_be_asked_is_refused():
