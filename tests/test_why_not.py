@@ -13,6 +13,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import qualrl
+from qualrl.answers import why_not as answers
 from qualrl.answers.stops import states_at, way_by
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError
 from qualrl.qualitative.graph import crossings_of
@@ -206,6 +207,16 @@ def test_rewards_that_are_no_numbers_are_refused():
 @pytest.fixture(scope="module")
 def loop():
     return qualrl.build(qualrl.segment(grid_of(LOOP)), [2, 24], start=[2, 2], gamma=0.95)
+
+
+def test_models_without_a_doorway_are_solved_where_the_depth_tells_of_them_alone(loop, monkeypatch):
+    solved = []
+    monkeypatch.setattr(answers, "exact_values", lambda world: solved.append(world) or exact_values(world))
+    answer = qualrl.questions.why_not(loop, "corridor 1")
+    answer.explain("names")
+    assert len(solved) == 1
+    assert "were open seldom enough" in answer.explain("signs")
+    assert len(solved) == 1 + len(answer.rather) > 1
 
 
 @settings(deadline=None, max_examples=25)
