@@ -83,7 +83,7 @@ def what_if(
 
     close: names of doorways, or of regions for all of their doorways; chance: the probability that they are open after
     all.  open: two regions, to open the thinnest wall between them.  numbers: gamma, slip, directions, step_reward,
-    goal_reward.  Raises UnknownNameError, SettingError, and NoPlanError where no way leads to the goal as it is.
+    goal_reward.  Raises UnknownNameError, SettingError, and NoPlanError where there is no wall to open.
     """
     from qualrl.answers import changed_model
 

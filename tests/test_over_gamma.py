@@ -14,7 +14,8 @@ import qualrl
 from qualrl.answers import over_gamma
 from qualrl.answers.stops import states_at
 from qualrl.errors import SettingError
-from qualrl.qualitative.arrivals import Solved, sign_between
+from qualrl.qualitative.arrivals import Solved, left_open, sign_between
+from qualrl.solving.exact import exact_values
 from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
 from tests.test_planning import LOOP
@@ -50,6 +51,53 @@ def test_what_a_few_points_tell_holds_between_them(first, second, gammas):
             ahead = logarithm(first, gamma) - logarithm(second, gamma)
             assert sign * ahead >= 0
             assert ahead != 0 or sign == 0
+
+
+WAYS = st.lists(st.lists(st.booleans(), max_size=30), min_size=1, max_size=3)
+"""Policies without chance: whether each step but the last is a diagonal one."""
+
+
+@settings(deadline=None, max_examples=200)
+@given(WAYS, WAYS, GAMMAS, st.sampled_from([-1.0, 0.0, 30.0]))
+def test_what_a_few_points_tell_of_dearer_diagonals_holds_between_them(first, second, gammas, last):
+    dearest = math.sqrt(2)
+
+    def total(policies, gamma):
+        """The largest value of some policies, and what the dearest step costs for ever."""
+        worth = (
+            math.fsum(-(dearest if of else 1.0) * gamma**t for t, of in enumerate(steps)) + last * gamma ** len(steps)
+            for steps in policies
+        )
+        return max(worth) + dearest / (1 - gamma)
+
+    def most(gamma):
+        halfway = math.sqrt(gamma)
+        return math.log(halfway), math.log(dearest / (1 - halfway) + max(last, 0.0))
+
+    points = [
+        Solved(gamma, (math.log(total(first, gamma)), math.log(total(second, gamma))), most(gamma)) for gamma in gammas
+    ]
+    for at in range(len(points) - 1):
+        sign = sign_between(points, at)
+        for gamma in np.linspace(*gammas[at : at + 2], 9).tolist():
+            ahead = total(first, gamma) - total(second, gamma)
+            assert sign * ahead >= 0
+            assert ahead != 0 or sign == 0
+        assert sign == 0 or left_open(points, at) < 0
+
+
+def test_diagonal_steps_are_told_about_near_1():
+    """Where the goal is not out of sight; which way it is that is better there is told for certain."""
+    model = qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=0.9, slip=0.1, directions=8)
+    found = qualrl.questions.why_not(model, "corridor 1", gammas=(0.95, 0.99)).over_gamma
+    assert [of.sign for of in found.verdicts] == [1]
+    for of in found.solved:
+        exact = exact_values(at_gamma(model, of.gamma).world)
+        assert of.logs[0] == pytest.approx(math.log(exact.shifted[model.start]), abs=1e-12)
+        for gamma in np.linspace(of.gamma, 0.9999, 5).tolist():
+            assert of.most[1] >= math.log(exact_values(at_gamma(model, gamma).world).shifted.max()) or (
+                math.log(gamma) > of.most[0]
+            )
 
 
 def test_two_close_points_tell_of_ways_without_chance():
@@ -93,10 +141,15 @@ def test_verdicts_on_doorways_hold_for_each_gamma(start, goal, slip):
 
 @pytest.mark.no_cover
 @settings(deadline=None, max_examples=10)
-@given(st.sampled_from(CELLS), st.sampled_from(CELLS), st.sampled_from(REGIONS.region_names))
-def test_verdicts_on_stops_hold_for_each_gamma(start, goal, stop):
+@given(
+    st.sampled_from(CELLS), st.sampled_from(CELLS), st.sampled_from(REGIONS.region_names), st.sampled_from([4, 8]),
+    st.sampled_from([100.0, 0.0]),
+)  # fmt: skip
+def test_verdicts_on_stops_hold_for_each_gamma(start, goal, stop, directions, paid):
     assume(start != goal)
-    model = qualrl.build(REGIONS, list(goal), start=list(start), gamma=0.9, slip=0.2)
+    model = qualrl.build(
+        REGIONS, list(goal), start=list(start), gamma=0.9, slip=0.2, directions=directions, goal_reward=paid
+    )
     world, states = model.grid, states_at(model, stop)
     onward = world.successor.astype(int)
     before_goal = np.where(onward == world.goal, np.arange(len(world))[:, None], onward)
@@ -183,7 +236,7 @@ def test_where_both_are_the_same_it_is_undecided():
 @pytest.mark.parametrize(
     ("gammas", "motion", "message"),
     [
-        ((0.5, 0.9), {}, "no move slips"), ((0.5, 0.9), {"slip": 0.1, "directions": 8}, "diagonal steps cost more"),
+        ((0.5, 0.9), {}, "no move slips"),
         ((0.9, 0.5), {"slip": 0.1}, "the lower end first"), ((0.0, 0.5), {"slip": 0.1}, r"within \(0, 1\)"),
         ((0.5, 1.0), {"slip": 0.1}, r"within \(0, 1\)"), ((0.5, 0.5), {"slip": 0.1}, r"within \(0, 1\)"),
         ((1e-12, 0.5), {"slip": 0.1}, "gamma 1e-12 is too small"),

@@ -1,7 +1,7 @@
 """What would make an expected plan best: against every set of closed doorways, by networkx's shortest paths."""
 
 import json
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 
 import networkx as nx
 import numpy as np
@@ -236,7 +236,47 @@ def test_names_may_hold_commas(tmp_path):
         ("x,y,z", ["x, y, z"]),
         ("x, z", ["x", "z"]),
         ("a, x, y, b", ["a", "x, y", "b"]),
+        ("x, y, w", ["x, y", "w"]),  # it is w that is not known
+        ("a, 'x', \"y, z\" ,b", ["a", "x", "y, z", "b"]),
+        ("cook's, 'a", ["cook's", "'a"]),
     ],
 )
-def test_the_longest_name_that_fits_is_taken(text, found):
+def test_names_are_told_apart_by_commas_and_quotes(text, found):
     assert names_between_commas(text, ["a", "b", "x, y", "x, y, z"]) == found
+
+
+NAMES = st.lists(st.sampled_from(["a", "b", "c", "a, b", "b,c", "a, b, c", "c, a"]), min_size=1, max_size=5)
+
+
+@given(NAMES, NAMES.map(set).map(sorted))
+def test_names_with_commas_are_read_in_the_only_way_or_in_none(asked, known):
+    """Against all ways to join what stands between commas."""
+    text = ", ".join(asked)
+    parts = [part.strip() for part in text.split(",")]
+    plain = {name.replace(", ", ","): name for name in known}
+    joints = product(",;", repeat=len(parts) - 1)
+    joined = ["".join(part + joint for part, joint in zip(parts, [*joint, ""], strict=True)) for joint in joints]
+    readings = [[plain.get(name) for name in names.split(";")] for names in joined]
+    readings = [names for names in readings if None not in names]
+    quoted = ", ".join(f'"{name}"' for name in asked)
+    assert names_between_commas(quoted, known) == asked
+    if len(readings) == 1:
+        assert names_between_commas(text, known) == readings[0]
+    elif len(readings) > 1:
+        with pytest.raises(SettingError, match="with quotes around each name"):
+            names_between_commas(text, known)
+
+
+def test_what_can_be_read_twice_is_refused_unless_quotes_tell(tmp_path):
+    draw(tmp_path, "loop", LOOP)
+    places = list(qualrl.plan(qualrl.build(REGIONS, [2, 24], start=[2, 2])).places)
+    names = dict(zip(places, ["a", "b", "c"], strict=True)) | {"corridor 1": "a, b"}
+    told = ", ".join(f"{place}: '{name}'" for place, name in names.items())
+    (tmp_path / "loop.scenario.yaml").write_text(f"map: loop.yaml\nstart: [2, 2]\ngoal: [2, 24]\nnames: {{{told}}}\n")
+    asked = "reconcile", "loop.scenario.yaml", "--expect"
+    error = qualrl_command(*asked, "a, b, c", cwd=tmp_path, expect=2)[1]
+    assert 'can be read as "a", "b", "c" or as "a, b", "c": write it so, with quotes around each name' in error
+    assert error.count("\n") == 1
+    document = json.loads(qualrl_command(*asked, '"a", "b", "c"', "--json", cwd=tmp_path)[0])
+    assert document["own"]["places"] == ["a", "b", "c"]
+    assert document["closed"] == []

@@ -1,6 +1,7 @@
 """Signs of polynomials on (0, 1) against sympy's roots, against sums in exact fractions, and by their certificates."""
 
 import json
+from collections import Counter
 from fractions import Fraction
 from math import lcm
 from random import Random
@@ -164,6 +165,40 @@ def test_many_terms_with_zeros_where_pieces_meet(coefficients, times_half, times
     assert all(low <= root <= high for (low, high), (root, _) in zip(found.brackets, roots, strict=True))
 
 
+def with_zero(terms, at):
+    """The polynomial times one that is 0 there."""
+    product = Counter()
+    for exponent, of in terms.items():
+        product[exponent + 1] += of * at.denominator
+        product[exponent] -= of * at.numerator
+    return {exponent: of for exponent, of in product.items() if of}
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    st.dictionaries(st.integers(0, 25), st.integers(-20, 20).filter(bool), min_size=1, max_size=4),
+    st.lists(st.tuples(st.integers(60, 180), st.booleans()), min_size=1, max_size=2, unique=True),
+    st.integers(0, 1),
+)
+@example({0: 1}, [(80, True)], 1)  # an end of the bracket would be 1, and so would be the gap beyond it
+@example({0: 1}, [(100, False)], 0)
+@example({0: 1, 25: -1}, [(100, True), (80, True)], 1)
+@example({0: 1}, [(2000, True)], 0)
+def test_zeros_very_near_to_0_and_1(terms, planted, times_one):
+    zeros = [1 - Fraction(1, 2**depth) if is_last else Fraction(1, 2**depth) for depth, is_last in planted]
+    for zero in [*zeros, *[Fraction(1)] * times_one]:
+        terms = with_zero(terms, zero)
+    found = sign_intervals(terms)
+    check_signs(json.loads(json.dumps(found.certificate())), terms)
+    assert all(low > 0 and high < 1 for low, high in found.brackets)
+    for zero in zeros:
+        assert any(low <= zero <= high for low, high in found.brackets)
+    cuts = [Fraction(0), *(end for bracket in found.brackets for end in bracket), Fraction(1)]
+    for wanted, low, high in zip(found.signs, cuts[::2], cuts[1::2], strict=True):
+        assert low < high
+        assert sign(terms, (2 * low + high) / 3) == wanted != 0
+
+
 def test_one_piece_or_several():
     """Few terms need no halving; and with many, no piece needs a derivative as far down as the last."""
     assert [(piece.low, piece.high) for piece in sign_intervals({0: 1, 3: -7, 9: 8, 900: -1}).pieces] == [(0, 2**64)]
@@ -220,3 +255,7 @@ def test_numbers_of_verdicts_are_told_apart():
     assert told_apart([0.99999998]) == ["0.99999998"]
     assert told_apart([0.5, 0.5 + 1e-8]) == ["0.5", "0.50000001"]
     assert told_apart([1 - Fraction(1, 10**30)]) == ["1 - 1e-30"]
+    assert told_apart([Fraction(1, 10**400), Fraction(1, 2)]) == ["1e-400", "0.5"]
+    near = 1 - Fraction(1, 10**30) - Fraction(1, 10**38), 1 - Fraction(1, 10**30)
+    assert told_apart(near) == ["1 - 1.00000001e-30", "1 - 1e-30"]
+    assert told_apart([0.0, 2**-30]) == ["0", "9.31323e-10"]  # 0 itself is 0

@@ -27,6 +27,8 @@ from tests.test_why_not import COURSES
 from tests.worlds import TWO_ROOMS, free_masks, grid_of
 
 REGIONS = qualrl.segment(grid_of(LOOP))
+APART = "#.....#" + "#" * (len(LOOP.split()[0]) - 7) + "\n" + LOOP.split()[-1] + "\n"
+"""A room below that no doorway leads to."""
 CELLS = [tuple(cell) for cell in np.argwhere(REGIONS.grid.free).tolist()]
 GAMMAS = st.integers(1, 999).map(lambda thousandths: Fraction(thousandths, 1000))
 
@@ -53,6 +55,32 @@ def test_at_the_break_even_trying_is_worth_as_much_as_going_round(opened, closed
     assume(abs(exact) < 1e6)  # else gamma itself, no float, tells too little
     assert found.at(float(gamma)) == pytest.approx(float(exact), rel=1e-6, abs=1e-9)
     assert found.formula().subs("gamma", sympy.Rational(gamma)) == sympy.Rational(exact)
+
+
+@settings(deadline=None, max_examples=60)
+@given(COURSES, COURSES, COURSES, st.sampled_from([0.001, 0.3, 0.97]))
+def test_what_trying_is_worth_more_than_going_round(opened, closed, around, gamma):
+    opened, closed, around = (Course((Stretch("start", 60, -1.0), *of.stretches)) for of in (opened, closed, around))
+    found = BreakEven(opened, closed, around)
+    exact = Fraction(gamma)
+    for more, sign, way in zip(found.more_than_round(gamma), found.signs_at(gamma), (opened, closed), strict=True):
+        wanted = worth(way, exact) - worth(around, exact)
+        assert abs(Fraction(more) - wanted) <= abs(wanted) * Fraction(1, 10**40)
+        assert sign == (wanted > 0) - (wanted < 0)
+
+
+def test_where_six_digits_tell_nothing_trying_is_set_beside_going_round():
+    model = qualrl.build(REGIONS, (1, 20), start=(1, 1), gamma=0.3)
+    doors = crossed(model, qualrl.plan(model).path)
+    answer = qualrl.questions.what_if(model, close=doors[:1], chance=0.5)
+    values, more = answer.trying.values, answer.to_dict()["trying"]["more_than_round"]
+    assert len({f"{of:.6g}" for of in values.values()}) == 1
+    ways = answer.trying.break_even
+    seen, unseen = (worth(way, Fraction(0.3)) - worth(ways.round, Fraction(0.3)) for way in (ways.open, ways.closed))
+    assert unseen < 0 < seen
+    assert [float(of) for of in more.values()] == pytest.approx([float(seen), float(unseen)], rel=1e-12)
+    told = f"{float(seen):.3g} more than going round if it is, {-float(unseen):.3g} less than going round if it is not"
+    assert told in answer.explain()
 
 
 @settings(deadline=None, max_examples=60)
@@ -287,6 +315,25 @@ def test_what_changes_nothing_says_so():
     assert answer.is_same_way
     assert "the same way" in answer.explain()
     assert answer.switch is None
+
+
+@pytest.mark.parametrize("changes", [{"slip": 0.1}, {"gamma": 0.9}, {"directions": 8}, {"close": "door 1"}])
+def test_where_no_way_leads_it_says_what_stays_out_of_reach(changes):
+    regions = qualrl.segment(grid_of(LOOP + APART))
+    model = qualrl.build(regions, [2, 24], start=[len(LOOP.split()), 2], gamma=0.97)
+    answer = qualrl.questions.what_if(model, **changes)
+    assert answer.before is None
+    assert answer.after is None
+    assert answer.switch is None
+    shut = model.with_closed([changes["close"]]) if "close" in changes else model
+    before, after = (len(nx.node_connected_component(steps_graph(of), model.grid.goal)) for of in (model, shut))
+    assert [(of.arriving, of.cells) for of in answer.reach] == [(before, len(model)), (after, len(model))]
+    told = answer.explain().splitlines()
+    assert told[0].endswith("no way leads there.")
+    assert f"still no way leads from {answer.start} to {answer.goal}." in told[1]
+    assert f"can be reached from {after} of {len(model)} cells with that" in told[2]
+    assert "'qualrl why-unreachable' tells" in told[2]
+    assert not any(character.isdigit() for character in answer.explain("signs").splitlines()[2])
 
 
 def test_what_cannot_be_asked_is_refused():

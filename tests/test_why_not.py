@@ -9,12 +9,16 @@ import networkx as nx
 import numpy as np
 import pytest
 import sympy
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 import qualrl
+from qualrl.answers import why_not as answers
 from qualrl.answers.stops import states_at, way_by
+from qualrl.answers.ways import way_of
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError
+from qualrl.planning.legs import legs_of
+from qualrl.planning.planner import exact_walk
 from qualrl.qualitative.graph import crossings_of
 from qualrl.qualitative.plan_value import Course, Stretch, contrast, course_of
 from qualrl.solving.exact import exact_values
@@ -206,6 +210,29 @@ def test_rewards_that_are_no_numbers_are_refused():
 @pytest.fixture(scope="module")
 def loop():
     return qualrl.build(qualrl.segment(grid_of(LOOP)), [2, 24], start=[2, 2], gamma=0.95)
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.sampled_from(LOOP_CELLS), st.sampled_from(LOOP_CELLS), st.sampled_from([4, 8]))
+@example((8, 11), (2, 24), 8)
+def test_a_way_turns_alike_whether_it_is_told_in_one_part_or_in_two(start, goal, directions):
+    model = qualrl.build(LOOP_REGIONS, list(goal), start=list(start), gamma=0.95, directions=directions)
+    walk = exact_walk(model, exact_values(model.world), model.start)
+    whole = way_of(model, [walk], 0.0)
+    for leg in legs_of(model, walk)[1:]:
+        parts = way_of(model, [walk[: leg.first + 1], walk[leg.first :]], 0.0)
+        if parts.places == whole.places:
+            assert (parts.passes, parts.turns) == (whole.passes, whole.turns)
+
+
+def test_models_without_a_doorway_are_solved_where_the_depth_tells_of_them_alone(loop, monkeypatch):
+    solved = []
+    monkeypatch.setattr(answers, "exact_values", lambda world: solved.append(world) or exact_values(world))
+    answer = qualrl.questions.why_not(loop, "corridor 1")
+    answer.explain("names")
+    assert len(solved) == 1
+    assert "were open seldom enough" in answer.explain("signs")
+    assert len(solved) == 1 + len(answer.rather) > 1
 
 
 @settings(deadline=None, max_examples=25)

@@ -9,11 +9,12 @@ from typing import Any
 from qualrl.answers.depth import Depth
 from qualrl.answers.uncertain import check_span
 from qualrl.errors import SettingError
+from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
-from qualrl.qualitative.arrivals import Solved, sign_between
+from qualrl.qualitative.arrivals import Solved, left_open, sign_between
 from qualrl.qualitative.plan_value import Verdict, told_apart
 from qualrl.qualitative.signs import one_after_the_other
-from qualrl.solving.exact import ExactValues, exact_values
+from qualrl.solving.exact import ExactValues, exact_values, shift_of
 
 FIRST_SOLVED, MOST_SOLVED = 6, 48
 NARROW = 0.002
@@ -21,7 +22,7 @@ NARROW = 0.002
 NARROWEST = 1e-9
 """On the same scale, a range that is narrower is lost in rounding."""
 FEWEST = 1e-280
-"""A smaller E[gamma ** T] is not computed to all its digits."""
+"""A smaller share of the shift is not computed to all its digits."""
 
 UNDECIDED = "undecided: moves slip, so no formula of a way tells; a range of gammas to look at can be asked for"
 """Where that was not done."""
@@ -70,22 +71,24 @@ def over_gamma(
 ) -> OverGamma:
     """Compare two ways for all gammas of a range.
 
-    worth: the shifted values of both ways in a model, which differs from ``model`` in gamma and rewards only, from
-    the exact values of that.
-    Raises SettingError for what is no range, where no move slips, where steps are not paid alike, and for a gamma so
-    small that floating point cannot hold what the ways are worth.
+    worth: the shifted values of both ways in a model, which differs from ``model`` in gamma, and in rewards that order
+    ways alike, from the exact values of that.
+    Raises SettingError for what is no range, where no move slips, and for a gamma so small that floating point cannot
+    hold what the ways are worth.
     """
     check_gammas(model, gammas)
 
     def solve(gamma: float, towards: float = 0.0) -> Solved:
         changed, exact = _at(model, gamma, towards)
-        arrive = [value / exact.shift for value in worth(changed, exact)]
-        if min(arrive) < FEWEST:
+        shifted = worth(changed, exact)
+        if min(shifted) < FEWEST * exact.shift:
             raise SettingError(
                 f"gamma {gamma:.6g} is too small: the goal is so far off that floating point cannot tell what the ways "
                 "are worth; ask from a larger one"
             )
-        return Solved(changed.gamma, (math.log(arrive[0]), math.log(arrive[1])))
+        if not _are_alike(model):
+            return Solved(changed.gamma, (math.log(shifted[0]), math.log(shifted[1])), _most(changed.grid))
+        return Solved(changed.gamma, (math.log(shifted[0] / exact.shift), math.log(shifted[1] / exact.shift)))
 
     points = _solved(solve, *gammas)
     signs = [sign_between(points, at) for at in range(len(points) - 1)]
@@ -101,19 +104,31 @@ def check_gammas(model: HybridMDP, gammas: Span) -> None:
         raise SettingError(f"a range from {gammas[0]!r} to {gammas[1]!r} is too narrow for points in it to differ")
     if model.grid.slip == 0:
         raise SettingError("no move slips, so the answer tells of every gamma as it is: ask without a range of gammas")
-    if model.grid.directions != 4:
-        raise SettingError("diagonal steps cost more than others, so no range of gammas tells: set motion.directions 4")
+
+
+def _are_alike(model: HybridMDP) -> bool:
+    """Whether all steps are paid alike, and no diagonal one is dearer."""
+    return len(set(model.grid.move_reward.tolist())) == 1
 
 
 def _at(model: HybridMDP, gamma: float, towards: float) -> tuple[HybridMDP, ExactValues]:
-    """The model with steps paid -1 and nothing at the goal: shifted values are shift times E[gamma ** (T - 1)].
+    """The model at another gamma: its shifted values are sums of powers of gamma, see ``qualitative.arrivals``.
 
-    Gamma is moved by a few units in its last place to where shifted rewards of steps are 0 without rounding.
+    Where steps are paid alike, they are paid -1 and nothing at the goal: so the sums are shift * E[gamma ** (T - 1)].
+    Gamma is moved by a few units in its last place to where the least shifted reward of a step is 0 without rounding.
     """
-    while 1 / (1 - gamma) * (1 - gamma) != 1:
-        gamma = math.nextafter(gamma, towards)
-    world = replace(model.grid, gamma=gamma, step_reward=-1.0, goal_reward=0.0)
+    world = replace(model.grid, gamma=gamma)
+    if _are_alike(model):
+        world = replace(world, step_reward=-1.0, goal_reward=0.0)
+    while (world.move_reward + shift_of(world) * (1 - world.gamma)).min() != 0:
+        world = replace(world, gamma=math.nextafter(world.gamma, towards))
     return replace(model, world=world), exact_values(world)
+
+
+def _most(world: GridWorld) -> Span:
+    """(u, logarithm) that no policy is above, halfway from the logarithm of gamma to 0: each step for nothing."""
+    halfway = replace(world, gamma=math.sqrt(world.gamma))
+    return math.log(halfway.gamma), math.log(shift_of(halfway) + max(world.goal_reward, 0.0))
 
 
 def _solved(solve: Callable[..., Solved], low: float, high: float) -> list[Solved]:
@@ -122,14 +137,14 @@ def _solved(solve: Callable[..., Solved], low: float, high: float) -> list[Solve
     spread = (far + (near - far) * at / (FIRST_SOLVED - 1) for at in range(1, FIRST_SOLVED - 1))
     points = [solve(low), *(solve(_gamma(of)) for of in spread), solve(high, 1.0)]
     while len(points) < MOST_SOLVED:
-        widths = {
-            at: _nearness(points[at + 1].gamma) - _nearness(points[at].gamma)
-            for at in range(len(points) - 1)
+        undecided = [
+            at for at in range(len(points) - 1)
             if sign_between(points, at) == 0 and (points[at].sign or points[at + 1].sign)
-        }
-        at = max(widths, key=widths.__getitem__, default=0)
-        if widths.get(at, 0.0) < NARROW:
+            and _nearness(points[at + 1].gamma) - _nearness(points[at].gamma) >= NARROW
+        ]  # fmt: skip
+        if not undecided:
             break
+        at = min(undecided, key=lambda at: left_open(points, at))
         points.insert(at + 1, solve(_gamma((_nearness(points[at].gamma) + _nearness(points[at + 1].gamma)) / 2)))
     return points
 

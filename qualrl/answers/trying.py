@@ -6,6 +6,7 @@ other places on the way is left out: the doorways are open all together, or not.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from itertools import pairwise
 from typing import Any
 
@@ -75,10 +76,13 @@ class Trying:
             yield f"If it is open with {chance}, {words}."
 
     def _worths(self) -> str:
-        worth = self.values
+        more = self.break_even.more_than_round(self.gamma)
+        opened, closed, around = (f"{of:.6g}" for of in self.values.values())
+        if len({opened, closed, around}) < len({*more, 0}):
+            opened, closed = (_beside_round(of) for of in more)
         return (
-            f"is worth {worth['open']:.6g} if it is, {worth['closed']:.6g} if it is not "
-            f"({self.break_even.closed.steps} steps); going round at once, {worth['round']:.6g}"
+            f"is worth {opened} if it is, {closed} if it is not "
+            f"({self.break_even.closed.steps} steps); going round at once, {around}"
         )
 
     def _signs(self) -> str:
@@ -87,13 +91,14 @@ class Trying:
         return f"going there is worth {seen} if it is open, {not_seen} if it is not"
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON."""
-        limit = self.break_even.limit
+        """As JSON; small differences as text, since floating point may not hold them."""
+        limit, more = self.break_even.limit, self.break_even.more_than_round(self.gamma)
         return {
             "door": self.door,
             "alone": self.is_alone,
             "gamma": self.gamma,
             "values": self.values,
+            "more_than_round": dict(zip(("open", "closed"), (f"{of:.17g}" for of in more), strict=True)),
             "steps_if_closed": self.break_even.closed.steps,
             "break_even": self.break_even.at(self.gamma),
             "limit": None if limit is None else str(limit),
@@ -102,6 +107,12 @@ class Trying:
             "chance": self.chance,
             "contrast": None if self.contrast is None else self.contrast.to_dict("trying", "round"),
         }
+
+
+def _beside_round(more: Decimal) -> str:
+    if more == 0:
+        return "as much as going round"
+    return f"{abs(more):.3g} {'more' if more > 0 else 'less'} than going round"
 
 
 def trying(

@@ -13,7 +13,7 @@ from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.crossings import door_taken
 from qualrl.planning.legs import legs_of
-from qualrl.planning.on_the_way import SIDES, Heading, passages, turned
+from qualrl.planning.on_the_way import SIDES, passages
 from qualrl.planning.planner import length_m
 from qualrl.qualitative.plan_value import Course, course_of
 from qualrl.spatial.occupancy_grid import Cell
@@ -134,16 +134,12 @@ def _turns(
 ) -> tuple[tuple[str, ...], tuple[str | None, ...]]:
     """``Way.passes`` and ``Way.turns``."""
     passes, turns, turn = list[str](), list[str | None](), None
-    before: Heading | None = None
+    come_from: Cell | None = None
     for part, stop in zip_longest(parts, stops):
         path: list[Cell] = [(row, column) for row, column in model.grid.cells[list(part)].tolist()]
         legs = legs_of(model, part)
-        for at, passage in enumerate(passages(regions, path)):
-            turn = None if passage.side is None else SIDES[passage.side]
-            if passage.compass is not None:
-                (row, column), (to_row, to_column) = path[0], path[passage.steps]
-                turn = f"to the {passage.compass}"
-                turn = SIDES[turned(before, (to_row - row, to_column - column))] if before else turn
+        for at, passage in enumerate(passages(regions, path, come_from)):
+            turn = f"to the {passage.compass}" if passage.compass else passage.side and SIDES[passage.side]
             if passage.left_by is not None:
                 first = legs[at + 1].first
                 passes.append(door_taken(model, regions, part[first - 1], part[first]).name)
@@ -152,7 +148,7 @@ def _turns(
             passes.append(stop)
             turns.append(turn)
         if len(path) > 1:
-            before = None if stop is not None else (path[-1][0] - path[-2][0], path[-1][1] - path[-2][1])
+            come_from = path[-2] if stop is None else None
     return tuple(passes), (*turns, turn)
 
 

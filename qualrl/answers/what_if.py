@@ -70,6 +70,19 @@ class Turned:
 
 
 @dataclass(frozen=True)
+class Reach:
+    """From how many cells a way leads to the goal."""
+
+    arriving: int
+    cells: int
+    """Of the whole map."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON."""
+        return {"arriving": self.arriving, "cells": self.cells}
+
+
+@dataclass(frozen=True)
 class WhatIf(Answer):
     """The answer; everything that its sentences say stands in its fields."""
 
@@ -81,7 +94,9 @@ class WhatIf(Answer):
     before: Way | None
     """None where no way leads to the goal as it is."""
     after: Way | None
-    """None where no way leads to the goal any more."""
+    """None where no way leads to the goal with the changes."""
+    reach: tuple[Reach, Reach]
+    """Before and after."""
     turned: tuple[Turned, ...]
     """Regions from some cells of which the best way leaves by another doorway, or has none left, most cells first."""
     is_comparable: bool
@@ -109,6 +124,8 @@ class WhatIf(Answer):
         now = NO_WAY if self.before is None else self.before.with_worth(depth)
         yield f"Now from {self.start} to {self.goal}{at}: {now}."
         yield f"With {', '.join(change.in_words(depth) for change in self.changes)}: {self._after_in_words(depth)}."
+        if self.before is None and self.after is None:
+            yield self._out_of_reach(depth)
         yield from self._turned_in_words(depth)
         if self.trying is not None:
             yield from self.trying.lines(depth)
@@ -123,7 +140,8 @@ class WhatIf(Answer):
 
     def _after_in_words(self, depth: Depth) -> str:
         if self.after is None:
-            return f"no way leads from {self.start} to {self.goal}"
+            still = "still " if self.before is None else ""
+            return f"{still}no way leads from {self.start} to {self.goal}"
         if self.before is None:
             return f"{self.after.with_worth(depth)}"
         difference = self.after.worth.beside(self.before.worth)
@@ -136,6 +154,13 @@ class WhatIf(Answer):
             return f"the same way{value}{depth.from_signs(f', {worth}')}"
         beside = depth.from_signs(f", {worth}; {longer(self.after, self.before, depth)}")
         return f"{self.after.with_worth(depth)}{beside}"
+
+    def _out_of_reach(self, depth: Depth) -> str:
+        """From where a way leads, if none does from the start."""
+        before, after = (f"from {of.arriving} of {of.cells} cells" for of in self.reach)
+        where = f"{after} with that and without" if before == after else f"{after} with that, {before} without"
+        there = depth.at_numbers(where, "from other cells only")
+        return f"{self.goal} can be reached {there}; 'qualrl why-unreachable' tells what is in the way."
 
     def _turned_in_words(self, depth: Depth) -> list[str]:
         turned = [(of.region, of.cells - of.cut_off, of.of) for of in self.turned]
@@ -153,6 +178,7 @@ class WhatIf(Answer):
             "gamma": self.gamma, "changes": [change.words for change in self.changes],
             "before": None if self.before is None else self.before.to_dict(),
             "after": None if self.after is None else self.after.to_dict(),
+            "reach": [of.to_dict() for of in self.reach],
             "is_comparable": self.is_comparable, "chance": self.chance,
             "turned": [turned.to_dict() for turned in self.turned],
             "trying": None if self.trying is None else self.trying.to_dict(),
@@ -183,12 +209,10 @@ def what_if(
 
     names: what to call start and goal.  chance: the probability that doorways closed in ``after``
     are open after all; unclosed: the model after all other changes, if doorways are closed.
-    Raises NoPlanError where no way leads to the goal before or after, SettingError without a change.
+    Raises SettingError without a change.
     """
     if not changes:
         raise SettingError("say what to change: a doorway to close, a wall to open, or a setting")
-    if not after.can_reach[starts[1]]:
-        before.check_reachable(starts[0])
     exact, exact_after = exact_values(before.world), exact_values(after.world)
     turned, is_comparable = _turned(before, after, exact, exact_after), before.gamma == after.gamma
     walk, way = _walked(before, exact, starts[0])
@@ -203,9 +227,14 @@ def what_if(
             open_exact = exact if unclosed is before else exact_values(unclosed.world)
             open_walk = walk if unclosed is before else exact_walk(unclosed, open_exact, starts[1])
             tried = trying(unclosed, after, open_walk, walk_after, exact_after, chance, open_exact)
+    reach = _reach(before), _reach(after)
     return WhatIf(
-        *names, before.gamma, changes, way, way_after, turned, is_comparable, chance, tried, switch, compared
+        *names, before.gamma, changes, way, way_after, reach, turned, is_comparable, chance, tried, switch, compared
     )  # fmt: skip
+
+
+def _reach(model: HybridMDP) -> Reach:
+    return Reach(int(model.can_reach.sum()), len(model))
 
 
 def _walked(model: HybridMDP, exact: ExactValues, start: int) -> tuple[list[int], Way | None]:

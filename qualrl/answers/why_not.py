@@ -1,7 +1,8 @@
 """Why a plan does not go by a given place: the best way that does, what it costs more, and where it would win."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -9,7 +10,7 @@ from qualrl.answers.answer import Answer
 from qualrl.answers.depth import Depth
 from qualrl.answers.over_gamma import UNDECIDED, OverGamma, Span, over_gamma
 from qualrl.answers.stops import way_by, worth_by
-from qualrl.answers.trying import Trying, trying
+from qualrl.answers.trying import trying
 from qualrl.answers.ways import Way, course, longer, way_of
 from qualrl.errors import SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
@@ -66,8 +67,8 @@ class WhyNot(Answer):
     by: Way
     contrast: Contrast | None
     """Of the best way and the one by the stops, for every gamma; None where moves slip, and values are no formula."""
-    rather: tuple[Rather, ...] = ()
-    """Of each doorway that the best way passes and the other does not; () where moves slip."""
+    weigh: Callable[[], tuple[Rather, ...]] = tuple
+    """Makes ``rather``: it solves the model once more for each doorway, and not every depth tells of that."""
     over_gamma: OverGamma | None = None
     """Of the two for a range of gammas, where moves slip; None unless asked for."""
 
@@ -80,6 +81,11 @@ class WhyNot(Answer):
     def costs(self) -> float:
         """By how much the best way is worth more."""
         return self.best.worth.beside(self.by.worth)
+
+    @cached_property
+    def rather(self) -> tuple[Rather, ...]:
+        """Of each doorway that the best way passes and the other does not; () where moves slip."""
+        return self.weigh()
 
     def lines(self, depth: Depth) -> Iterator[str]:
         """See Answer."""
@@ -133,23 +139,23 @@ def why_not(
     by = way_by(model, exact, start, stops)
     way = way_of(model, [best], exact.shifted[start], exact.shift)
     other = way_of(model, by.parts, by.shifted, exact.shift, by.stops)
-    compared, rather = None, list[Rather]()
-    if model.grid.slip == 0:
-        compared = contrast(course(model, best), course(model, by.walk))
-        rather = [Rather(of.door, of.gamma, of.break_even) for of in _tried(model, best, by.walk, way, other)]
-    ranged = None
+    slips, ranged = model.grid.slip > 0, None
     if gammas is not None:
         ranged = over_gamma(model, gammas, lambda at, of: (float(of.shifted[start]), worth_by(at, of, start, stops)))
     return WhyNot(
-        *names, tuple(stops), model.gamma, way, other, compared, tuple(rather), ranged
+        *names, tuple(stops), model.gamma, way, other,
+        None if slips else contrast(course(model, best), course(model, by.walk)),
+        tuple if slips else partial(_rather, model, best, by.walk, way, other), ranged,
     )  # fmt: skip
 
 
-def _tried(model: HybridMDP, best: Sequence[int], by: Sequence[int], way: Way, other: Way) -> Iterator[Trying]:
+def _rather(model: HybridMDP, best: Sequence[int], by: Sequence[int], way: Way, other: Way) -> tuple[Rather, ...]:
     """The best way if a doorway that the other one does not pass may be shut, of each in turn."""
+    found = []
     for door in dict.fromkeys(way.doors):
         shut = model.with_closed([door])
         if door not in other.doors and all(to in shut.grid.successor[at] for at, to in pairwise(by)):
-            found = trying(model, shut, best, by, exact_values(shut.world), None)
-            if found is not None:
-                yield found
+            tried = trying(model, shut, best, by, exact_values(shut.world), None)
+            if tried is not None:
+                found.append(Rather(tried.door, tried.gamma, tried.break_even))
+    return tuple(found)

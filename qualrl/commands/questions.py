@@ -42,7 +42,7 @@ def asked(
 
 def told(answer: "Answer", console: Console, depth: Depth) -> None:
     """Print an answer."""
-    console.result(answer.to_dict(depth), lambda: print(answer.explain(depth)))
+    console.result(answer.to_dict(depth) if console.as_json else {}, lambda: print(answer.explain(depth)))
 
 
 def answered(

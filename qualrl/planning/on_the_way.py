@@ -40,7 +40,8 @@ class Passage:
     """The doorway; None where the route ends."""
     side: str | None
     """Where the way out (or the goal) lies from where one comes in, against the heading there: "left", "right",
-    "straight" or "back"; None where the route starts, and where the two are one cell."""
+    "straight" or "back"; if one comes in and goes out at one cell, the same as ``turn``.  None where the route starts,
+    and where it ends in the cell where one comes in."""
     turn: str | None
     """The heading out against the heading in, in the same words; None where the route starts or ends."""
     compass: str | None
@@ -94,10 +95,14 @@ def compass(east_m: float, north_m: float) -> str:
     return COMPASS[round(math.atan2(north_m, east_m) / (math.pi / 4)) % 8]
 
 
-def passages(regions: RegionMap, path: Sequence[Cell]) -> tuple[Passage, ...]:
-    """The regions of a path, brief excursions over a border and back left out; steps may be diagonal."""
+def passages(regions: RegionMap, path: Sequence[Cell], come_from: Cell | None = None) -> tuple[Passage, ...]:
+    """The regions of a path, brief excursions over a border and back left out; steps may be diagonal.
+
+    come_from: the cell of another region from which a step leads to the path; None where one starts with it.
+    """
     legs = legs_through([int(regions.label[cell]) for cell in path])
-    ways = [None, *(_crossing(regions, path[leg.last], path[leg.last + 1]) for leg in legs[:-1]), None]
+    way_in = None if come_from is None else _crossing(regions, come_from, path[0])
+    ways = [way_in, *(_crossing(regions, path[leg.last], path[leg.last + 1]) for leg in legs[:-1]), None]
     return tuple(
         _passage(
             regions,
@@ -148,8 +153,8 @@ def _passage(
     """path: with the first cell of the next region."""
     first, last, steps = path[0], path[-2 if way_out else -1], len(path) - 1
     across = (last[0] - first[0], last[1] - first[1])
-    side = turned(way_in[1], across) if way_in and any(across) else None
     turn = turned(way_in[1], way_out[1]) if way_in and way_out else None
+    side = turned(way_in[1], across) if way_in and any(across) else turn
     toward = _compass(regions, first, path[-1]) if way_in is None and steps else None
     return Passage(region, way_in and way_in[0], way_out and way_out[0], side, turn, toward, steps)
 

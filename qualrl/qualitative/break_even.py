@@ -33,10 +33,16 @@ class BreakEven:
         above, below = (_at(terms, gamma) for terms in self._terms)
         return None if below == 0 else float(above / below)
 
+    def more_than_round(self, gamma: float) -> tuple[Decimal, Decimal]:
+        """By how much an open door is worth more than going round, and a closed one, to many digits."""
+        opened, closed = (_at(combined((1, way), (-1, self.round)), gamma) for way in (self.open, self.closed))
+        with localcontext(prec=DIGITS):
+            return opened / (1 - Decimal(gamma)), closed / (1 - Decimal(gamma))
+
     def signs_at(self, gamma: float) -> tuple[int, int]:
         """Whether an open door is worth more (1), as much (0) or less (-1) than going round; and a closed one."""
-        above, below = (_at(terms, gamma) for terms in self._terms)
-        return _sign(below - above), _sign(-above)
+        opened, closed = self.more_than_round(gamma)
+        return _sign(opened), _sign(closed)
 
     @property
     def limit(self) -> Fraction | None:

@@ -6,6 +6,7 @@ before, so (1 - gamma) * V = r_0 + sum of (r_t - r_{t-1}) * gamma**t - r_{T-1} *
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from decimal import Context, Decimal
 from fractions import Fraction
 from math import lcm
 from typing import TYPE_CHECKING, Any, Protocol
@@ -192,12 +193,30 @@ class Contrast:
 
 
 def told_apart(numbers: Sequence[float | Fraction]) -> list[str]:
-    """Numbers between 0 and 1, in order, with as many digits as tell them apart, and from 0 and 1; six at least."""
-    for digits in DIGITS:
-        texts = [f"{float(number):.{digits}g}" for number in numbers]
-        if len({"0", *texts, "1"}) == len(texts) + 2:
-            return texts
-    return [f"1 - {float(1 - of):.6g}" if of > HALF else f"{float(of):.15g}" for of in numbers]
+    """Numbers with as many digits as tell them apart, and from 0 and 1; six at least.
+
+    Those too close to 1 for that are told by their distance.
+    """
+    different = len({0, 1, *numbers})
+    for in_words in (_to_digits, _by_distance):
+        for digits in DIGITS:
+            texts = [in_words(number, digits) for number in numbers]
+            if len({"0", "1", *texts}) == different:
+                return texts
+    return texts
+
+
+def _to_digits(number: float | Fraction, digits: int) -> str:
+    return f"{float(number):.{digits}g}"
+
+
+def _by_distance(number: float | Fraction, digits: int) -> str:
+    """From 1 for what is nearer to it than to 0; of fractions that no floating point number holds, too."""
+    exact = Fraction(number)
+    from_one = HALF < exact < 1
+    told = 1 - exact if from_one else exact
+    rounded = Context(prec=digits).divide(Decimal(told.numerator), Decimal(told.denominator)).normalize()
+    return f"{'1 - ' if from_one else ''}{rounded:g}"
 
 
 def contrast(first: Worth, second: Worth) -> Contrast:

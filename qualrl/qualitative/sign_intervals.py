@@ -24,7 +24,8 @@ Bracket = tuple[int, int]
 """Numerators over 2**bits."""
 
 FIRST_BITS, BITS, MOST_BITS = 16, 64, 512
-"""Brackets are this narrow at first, for speed; in the end; and at most, where narrower ones may decide more."""
+"""Brackets are this narrow at first, for speed; in the end; and at most, where narrower ones may decide more.  Where a
+zero is so near to 0 or 1 that there would be no gap, they are as narrow as it takes."""
 FEW_LEVELS = 4
 """So many derivatives are tried on all of (0, 1); on halves one more, on quarters two more than that, and so on."""
 MOST_SHARED = 5000
@@ -117,7 +118,7 @@ def sign_intervals(terms: Mapping[int, int]) -> SignIntervals:
         if not all(zeros) and bits >= BITS:
             shared = shared or _shared_with_derivative(chain.terms())
             zeros = [sure or _changes(shared, of, bits) for of, sure in found.items()]
-        if all(zeros) or 2 * bits > MOST_BITS:
+        if not _reaches_an_end(found, bits) and (all(zeros) or 2 * bits > MOST_BITS):
             break
         bits *= 2
     brackets = list(found)
@@ -160,6 +161,15 @@ def _isolated(
             for bracket in _brackets(chain, 0, low, high, critical[0], bits):
                 _add(zeros, bracket, _is_zero(chain, bracket, critical[0], bits))
     return pieces, zeros
+
+
+def _reaches_an_end(brackets: Iterable[Bracket], bits: int) -> bool:
+    """Whether a bracket leaves no gap to 0 or 1, whose sign could be told; narrower ones will.
+
+    Zeros of a polynomial with whole coefficients, and of its derivatives, keep a distance to 0 and 1, unless they are
+    there.
+    """
+    return any(low == 0 or high == 1 << bits for low, high in brackets)
 
 
 def _add(zeros: dict[Bracket, bool], bracket: Bracket, sure: bool) -> None:

@@ -6,7 +6,7 @@ point (or exponent) in at least one of the two numbers.
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ from qualrl.spatial.region_map import RegionMap
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 TWO_NUMBERS = re.compile(rf"\s*({NUMBER})\s*,\s*({NUMBER})\s*", re.ASCII)
+BEFORE_COMMA = re.compile(r"""\s*(?:"(?P<one>[^"]+)"|'(?P<two>[^']+)')\s*(?=,|\Z)|(?P<plain>[^,]*)""")
 MOST_CELLS = 10**9
 """No map has as many rows or columns."""
 MOST_CHARACTERS = 100
@@ -165,21 +166,50 @@ def _pair(first: float, second: float) -> Place:
 
 
 def names_between_commas(text: str, known: Iterable[str]) -> list[str]:
-    """Names with commas between; a known one may hold some itself, and the longest that fits is taken.
+    """Names with commas between; a known one may hold some itself, and quotes may stand around each.
 
     >>> names_between_commas("room A, lab, upstairs", ["lab, upstairs", "room A"])
     ['room A', 'lab, upstairs']
 
-    Raises SettingError where nothing stands between two commas.
+    Raises SettingError where nothing stands between two commas, and where there are several ways to read known names.
     """
-    parts = [part.strip() for part in text.split(",")]
-    if not all(parts):
+    parts = _between_commas(text)
+    if not all(part for part, _ in parts):
         raise SettingError(f"{text!r}: write names with a comma between, as 'room A, corridor 1'")
-    plain = {",".join(part.strip() for part in name.split(",")): name for name in known}
-    found = list[str]()
-    while parts:
-        fits = [count for count in range(1, len(parts) + 1) if ",".join(parts[:count]) in plain]
-        count = max(fits, default=1)
-        found.append(plain.get(",".join(parts[:count]), parts[0]))
-        parts = parts[count:]
+    named: dict[str, list[str]] = {}
+    for name in known:
+        named.setdefault(",".join(part.strip() for part in name.split(",")), []).append(name)
+    readings = _readings(parts, named)
+    if len(readings) > 1:
+        one, other = (", ".join(f'"{name}"' for name in names) for names in readings)
+        raise SettingError(f"{text!r} can be read as {one} or as {other}: write it so, with quotes around each name")
+    return readings[0]
+
+
+def _between_commas(text: str) -> list[tuple[str, bool]]:
+    """What stands between commas, and whether in quotes, which may hold commas."""
+    found, at = list[tuple[str, bool]](), 0
+    while at <= len(text):
+        match = BEFORE_COMMA.match(text, at)
+        assert match is not None
+        quoted = match["one"] or match["two"]
+        found.append((match["plain"].strip(), False) if quoted is None else (quoted, True))
+        at = match.end() + 1
     return found
+
+
+def _readings(parts: Sequence[tuple[str, bool]], named: Mapping[str, Sequence[str]]) -> list[list[str]]:
+    """Ways to read parts as names, as many of them known as can be; two at most."""
+    after = [list[tuple[int, list[str]]]() for _ in parts] + [[(0, list[str]())]]
+    for at in range(len(parts) - 1, -1, -1):
+        first, is_quoted = parts[at]
+        alone = () if not is_quoted and first in named else (first,)
+        found = [(unknown + (not is_quoted), [name, *rest]) for name in alone for unknown, rest in after[at + 1]]
+        for end in range(at + 1, len(parts) + 1):
+            if parts[end - 1][1]:
+                break
+            names = named.get(",".join(part for part, _ in parts[at:end]), ())
+            found += [(unknown, [name, *rest]) for name in names for unknown, rest in after[end]]
+        fewest = min(unknown for unknown, _ in found)
+        after[at] = [reading for reading in found if reading[0] == fewest][:2]
+    return [names for _, names in after[0]]
