@@ -78,8 +78,8 @@ def over_gamma(
     """
     check_gammas(model, gammas)
 
-    def solve(gamma: float, towards: float = 0.0) -> Solved:
-        changed, exact = _at(model, gamma, towards)
+    def solve(gamma: float) -> Solved:
+        changed, exact = _at(model, gamma)
         shifted = worth(changed, exact)
         if min(shifted) < FEWEST * exact.shift:
             raise SettingError(
@@ -111,17 +111,14 @@ def _are_alike(model: HybridMDP) -> bool:
     return len(set(model.grid.move_reward.tolist())) == 1
 
 
-def _at(model: HybridMDP, gamma: float, towards: float) -> tuple[HybridMDP, ExactValues]:
+def _at(model: HybridMDP, gamma: float) -> tuple[HybridMDP, ExactValues]:
     """The model at another gamma: its shifted values are sums of powers of gamma, see ``qualitative.arrivals``.
 
     Where steps are paid alike, they are paid -1 and nothing at the goal: so the sums are shift * E[gamma ** (T - 1)].
-    Gamma is moved by a few units in its last place to where the least shifted reward of a step is 0 without rounding.
     """
     world = replace(model.grid, gamma=gamma)
     if _are_alike(model):
         world = replace(world, step_reward=-1.0, goal_reward=0.0)
-    while (world.move_reward + shift_of(world) * (1 - world.gamma)).min() != 0:
-        world = replace(world, gamma=math.nextafter(world.gamma, towards))
     return replace(model, world=world), exact_values(world)
 
 
@@ -135,7 +132,7 @@ def _solved(solve: Callable[..., Solved], low: float, high: float) -> list[Solve
     """Points from one gamma to another, more of them where it is not clear which way is better."""
     far, near = _nearness(low), _nearness(high)
     spread = (far + (near - far) * at / (FIRST_SOLVED - 1) for at in range(1, FIRST_SOLVED - 1))
-    points = [solve(low), *(solve(_gamma(of)) for of in spread), solve(high, 1.0)]
+    points = [solve(low), *(solve(_gamma(of)) for of in spread), solve(high)]
     while len(points) < MOST_SOLVED:
         undecided = [
             at for at in range(len(points) - 1)

@@ -13,7 +13,7 @@ from typing import Any
 from qualrl.answers.answer import Answer
 from qualrl.answers.depth import Depth
 from qualrl.answers.known import between
-from qualrl.answers.through import values_through
+from qualrl.answers.through import value_through
 from qualrl.answers.uncertain import check_confidence, check_span
 from qualrl.errors import NoPlanError, SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
@@ -131,7 +131,7 @@ def _doors(model: HybridMDP, start: int, slip: float, most: int) -> list[Doorway
     exact, worth = exact_values(changed.world), dict[str, float]()
     for door in own:
         try:
-            worth[door.name] = float(values_through(changed, exact, start, door, slip)[1][start])
+            worth[door.name] = value_through(changed, exact, start, door, slip)
         except NoPlanError:  # this doorway leads nowhere
             continue
     if not worth:
@@ -148,10 +148,7 @@ def _bounds(model: HybridMDP, start: int, doors: Sequence[Doorway], low: float, 
         values = values_between(changed.grid, span)
         off = error_of(changed.grid, values) * (1 if helps else -1)
         ends.append(
-            {
-                door.name: float(values_through(changed, values, start, door, span)[1][start]) - values.shift + off
-                for door in doors
-            }
+            {door.name: value_through(changed, values, start, door, span) - values.shift + off for door in doors}
         )
     return {name: (least, ends[1][name]) for name, least in ends[0].items()}
 

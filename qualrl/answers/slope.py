@@ -12,6 +12,7 @@ from qualrl.errors import NoPlanError
 from qualrl.kernels.bellman import grid_backup
 from qualrl.models.grid_world import GridWorld
 from qualrl.planning.planner import why_alike
+from qualrl.solving.exact import shifted_rewards
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +32,7 @@ class Slope:
         """(A,) which moves are best, to a relative 1e-12."""
         world, q = self.world, np.empty(self.world.n_actions)
         goal, goal_value = (world.goal, world.goal_reward + self.shift) if self.has_goal else (-1, 0.0)
-        reward = world.move_reward + self.shift * (1 - world.gamma)
+        reward = shifted_rewards(world.move_reward, self.shift, world.gamma)
         grid_backup(self.successor, reward, goal, goal_value, world.gamma, world.slip, self.shifted, state, q)
         good: NDArray[np.bool_] = q >= q.max() - 1e-12 * abs(q.max())
         return good

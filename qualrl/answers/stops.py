@@ -18,7 +18,7 @@ from qualrl.kernels.grid import breadth_first
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.planner import exact_walk
-from qualrl.solving.exact import ExactValues, settle_outward
+from qualrl.solving.exact import ExactValues, settle_outward, shifted_rewards
 from qualrl.spatial.region_map import RegionMap
 
 
@@ -143,7 +143,7 @@ def _without_goal(world: GridWorld) -> NDArray[np.uint32]:
 
 def _layer(world: GridWorld, stop: _Stop, behind: NDArray[np.float64], shift: float) -> _Layer:
     """Shifted values of all states on the way to a stop; -inf where no way leads to it."""
-    reward = world.move_reward + shift * (1 - world.gamma)
+    reward = shifted_rewards(world.move_reward, shift, world.gamma)
     successor = _without_goal(world)
     states, moves = stop.states, stop.moves
     ahead = states if moves is None else world.successor[states, moves].astype(np.int64)

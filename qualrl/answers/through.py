@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from qualrl.answers.slope import Slope
 from qualrl.errors import NoPlanError
-from qualrl.kernels.grid import breadth_first
-from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.planning.one_doorway import OneDoorway, Room
 from qualrl.planning.planner import exact_walk
 from qualrl.qualitative.graph import crossings_of
-from qualrl.solving.exact import ExactValues, SlipSpan, settle_outward
+from qualrl.solving.exact import ExactValues, SlipSpan
 from qualrl.spatial.region_map import Doorway
 
 
@@ -39,41 +38,47 @@ class ThroughWay:
 
 def way_through(model: HybridMDP, exact: ExactValues, start: int, door: Doorway) -> ThroughWay:
     """The best way from a state, which leaves its region by a doorway of it.  Raises NoPlanError where none does."""
-    world, shifted = values_through(model, exact, start, door, model.grid.slip)
-    slope = Slope(world, world.successor, shifted, exact.shift)
+    room = left_by(model, start, door)
+    world, shifted, successor = model.grid, np.full(len(model), -np.inf), model.grid.successor.copy()
+    shifted[room.inside] = _values(model, exact, start, door, room, world.slip)
+    shifted[room.beyond] = exact.shifted[room.beyond]
+    successor[room.inside] = room.of_world
+    slope = Slope(world, successor, shifted, exact.shift)
     first = slope.walk(start, model.region_of != model.region_of[start])
     rest = [first[-1]] if first[-1] == world.goal else exact_walk(model, exact, first[-1])
     return ThroughWay((tuple(first), tuple(rest)), float(shifted[start]), slope)
 
 
-def values_through(
+def value_through(
     model: HybridMDP, exact: ExactValues, start: int, door: Doorway, slip: float | SlipSpan
-) -> tuple[GridWorld, NDArray[np.float64]]:
-    """A world in which a state's region is left by one doorway, and the shifted values (S,) of the region there.
+) -> float:  # fmt: skip
+    """The shifted value of a state whose region is left by one doorway, which slips do not change.
 
-    exact: of the whole world, with the same slips.  -inf elsewhere but just beyond the doorway.
+    exact: of the whole world, with the same slips.
     Raises NoPlanError where no way leads from the state through the doorway, or on to the goal.
     """
+    room = left_by(model, start, door)
+    return float(_values(model, exact, start, door, room, slip)[np.searchsorted(room.inside, start)])
+
+
+def left_by(model: HybridMDP, start: int, door: Doorway) -> OneDoorway:
+    """The region of a state when it is left by one doorway.  Raises NoPlanError where that does not lead on."""
     regions = model.regions
     assert regions is not None
     region = int(model.region_of[start])
+    room = Room.of(model, regions, np.flatnonzero(model.region_of == region)).left_by(door)
     others = [of for of in regions.doorways if region in of.pair and of.name != door.name]
     walls = [wall for of in others for wall in crossings_of(regions, of)]
-    world = replace(model.grid, closed=(*model.grid.closed, *walls))
-    side = 1 - door.pair.index(region)
-    beyond = np.array(sorted({int(world.state_of[ends[side]]) for ends in crossings_of(regions, door)}))
-    beyond = beyond[np.isfinite(exact.shifted[beyond]) & (world.steps_to_goal[beyond] >= 0)]
-    if not len(beyond):
+    shut = replace(model.grid, closed=(*model.grid.closed, *walls))
+    if not (shut.steps_to_goal[room.beyond] >= 0).any():
         raise NoPlanError(f"no way leads on to the goal through {door.name}")
-    order, steps = breadth_first(world.successor, beyond)
-    inside = order[model.region_of[order] == region]
-    shifted = np.full(len(world), -np.inf)
-    shifted[beyond] = exact.shifted[beyond]
-    shifted[inside] = 0.0
-    settle_outward(
-        world.successor, inside, steps[inside], world.move_reward + exact.shift * (1 - world.gamma), world.goal,
-        world.goal_reward + exact.shift, world.gamma, slip, shifted,
-    )  # fmt: skip
-    if not np.isfinite(shifted[start]):
+    return room
+
+
+def _values(
+    model: HybridMDP, exact: ExactValues, start: int, door: Doorway, room: OneDoorway, slip: float | SlipSpan
+) -> NDArray[np.float64]:
+    values = room.values(exact.shifted, exact.shift, slip)
+    if not np.isfinite(values[np.searchsorted(room.inside, start)]):
         raise NoPlanError(f"{door.name} cannot be reached from {model.describe(start)} inside its region")
-    return world, shifted
+    return values

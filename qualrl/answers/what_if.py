@@ -17,7 +17,7 @@ from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.exits import ASTRAY, exits
 from qualrl.planning.planner import exact_walk
 from qualrl.qualitative.plan_value import Contrast, contrast, told_apart
-from qualrl.solving.exact import ExactValues, exact_values
+from qualrl.solving.exact import ExactValues, exact_values, shifted_rewards
 
 NUMBERS = ("gamma", "slip", "step_reward", "goal_reward")
 """Numbers of a world that may be changed little by little."""
@@ -303,8 +303,8 @@ def _worth_along(model: HybridMDP, walk: Sequence[int], shift: float) -> float:
     if not rewards:
         return shift
     worth = rewards.pop() + shift
-    for reward in reversed(rewards):
-        worth = reward + shift * (1 - model.gamma) + model.gamma * worth
+    for reward in shifted_rewards(np.array(rewards), shift, model.gamma)[::-1].tolist():
+        worth = reward + model.gamma * worth
     return worth
 
 

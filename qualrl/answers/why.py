@@ -17,7 +17,7 @@ from qualrl.answers.depth import Depth
 from qualrl.answers.over_gamma import UNDECIDED, OverGamma, Span, check_gammas, over_gamma
 from qualrl.answers.policy import best_policy
 from qualrl.answers.slope import Slope
-from qualrl.answers.through import ThroughWay, values_through, way_through
+from qualrl.answers.through import ThroughWay, value_through, way_through
 from qualrl.answers.ways import Way, Worth, course, longer, way_of, worth_of
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.choices import Chooser
@@ -200,14 +200,14 @@ def _from(model: HybridMDP, exact: ExactValues, walk: list[int], at: str) -> lis
 
 def _bound(model: HybridMDP, exact: ExactValues, start: int, door: Doorway, best: Way) -> Worth | None:
     """See ``Why.bound``."""
-    shifted = values_through(model, exact, start, door, model.grid.slip)[1][start]
+    shifted = value_through(model, exact, start, door, model.grid.slip)
     worth = worth_of(model.grid, shifted, exact.shift)
     return worth if worth.beside(best.worth) else None
 
 
 def _through(start: int, doors: tuple[Doorway, Doorway], model: HybridMDP, exact: ExactValues) -> tuple[float, float]:
     """Shifted values of leaving a state's region by each of two doorways."""
-    one, other = (values_through(model, exact, start, door, model.grid.slip)[1][start] for door in doors)
+    one, other = (value_through(model, exact, start, door, model.grid.slip) for door in doors)
     return float(one), float(other)
 
 

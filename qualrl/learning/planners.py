@@ -41,10 +41,7 @@ from qualrl.learning.settings import LearnSettings
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.models.once import once
-from qualrl.solving.exact import shift_of
-
-NOTHING = 1e-12
-"""A shifted reward below this share of the shift is 0."""
+from qualrl.solving.exact import shift_of, shifted_rewards
 
 
 class PlanningLearner(Seeded):
@@ -128,20 +125,19 @@ def experience(model: HybridMDP, world: KernelWorld, shift: float) -> Experience
     """
     grid, slip, table = world
     n_rows = len(model) * model.world.n_actions
-    added = shift * (1 - model.gamma)
     several = slip is not None or table is not None
     row_of = np.zeros(1, np.uint32)
     if table is not None:
         row_of = np.repeat(np.arange(n_rows, dtype=np.uint32), np.diff(table.row_start))
-        n_outcomes, reward, goal_reward = len(table.target), table.reward + added, 0.0
+        n_outcomes, reward, goal_reward = len(table.target), table.reward, 0.0
     else:
         assert grid is not None
         n_outcomes = n_rows * (model.world.n_actions if several else 1)
-        reward, goal_reward = grid.step_reward + added, grid.goal_reward + added
-    reward[np.abs(reward) <= NOTHING * added] = 0.0  # what is worth 0 must not grow out of a rounding error
+        reward, goal_reward = grid.step_reward, grid.goal_reward + shift * (1 - model.gamma)
     before_start, before = _before_any_change(model)
     return Experience(
-        np.zeros(n_rows, np.uint32), np.zeros(n_outcomes if several else 1, np.uint32), reward, goal_reward,
+        np.zeros(n_rows, np.uint32), np.zeros(n_outcomes if several else 1, np.uint32),
+        shifted_rewards(reward, shift, model.gamma), goal_reward,
         np.zeros(1, np.uint32) if grid is None else model.grid.successor.ravel(), before_start, before, row_of,
     )  # fmt: skip
 
@@ -257,6 +253,4 @@ def _promises(model: HybridMDP, shift: float) -> tuple[float, float]:
         on_the_way = float(world.reward[live & ~ends].max(initial=world.reward.min()))
         at_the_end = float(world.reward[ends].max(initial=world.reward.min()))
     most = max(at_the_end, on_the_way / (1 - world.gamma))  # at once, or never: between them the worth is monotone
-    added = shift * (1 - world.gamma)
-    best_step = on_the_way + added
-    return most + shift, 0.0 if abs(best_step) <= NOTHING * added else best_step
+    return most + shift, shifted_rewards(np.array([on_the_way]), shift, world.gamma).item()

@@ -1,7 +1,7 @@
 """What a qualitative action is worth: the best way out of a region through one given door.
 
-n cells of the region, m cells beyond the door, A moves.  The region is solved on its own, all its
-other doors shut, with the values beyond the door as its boundary (paper, equation (10)).
+n cells of the region.  The region is solved on its own, all its other doors shut, with the values beyond the door as
+its boundary (paper, equation (10)).
 """
 
 from collections.abc import Sequence
@@ -11,11 +11,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels.grid import breadth_first
 from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.planning.one_doorway import Room
 from qualrl.planning.values import PlanValues
-from qualrl.qualitative.graph import crossings_of
-from qualrl.solving.exact import settle_outward
 from qualrl.spatial.region_map import Doorway, RegionMap
 
 
@@ -60,8 +58,10 @@ class Chooser:
         return [(door, beyond) for door, beyond in self._doors[region] if beyond in onward or door is taken]
 
     def _values_through(self, region: int, doors: Sequence[tuple[Doorway, int]]) -> list[NDArray[np.float64]]:
-        room = _Room(self.model, self.states[region])
-        return [room.values_through(self._cells_beyond(door, beyond), self.values) for door, beyond in doors]
+        room = Room.of(self.model, self.regions, self.states[region])
+        values, slip = self.values, self.model.grid.slip
+        found = [room.left_by(door).values(values.shifted, values.shift, slip) for door, _ in doors]
+        return [np.where(np.isfinite(through), through, 0.0) for through in found]
 
     @cached_property
     def _doors(self) -> list[list[tuple[Doorway, int]]]:
@@ -89,44 +89,3 @@ class Chooser:
             reached |= new
             edge = list(new)
         return reached
-
-    def _cells_beyond(self, door: Doorway, region: int) -> list[int]:
-        """States on the far side of a door that are not the goal, unless it is the only one."""
-        side = door.pair.index(region)
-        world = self.model.grid
-        states = sorted({int(world.state_of[pair[side]]) for pair in crossings_of(self.regions, door)})
-        return [state for state in states if state != world.goal] or states
-
-
-class _Room:
-    """A region as a small world of its own, its cells numbered from 0."""
-
-    def __init__(self, model: HybridMDP, inside: NDArray[np.int64]) -> None:
-        self.world = model.grid
-        self.inside = inside
-        target = self.world.successor[inside].astype(np.int64)
-        position = np.minimum(np.searchsorted(inside, target), len(inside) - 1)
-        own = np.arange(len(inside))[:, None]
-        shut = (inside[position] != target) | (target == self.world.goal)
-        self.successor = np.where(shut, own, position).astype(np.uint32)
-
-    def values_through(self, beyond: Sequence[int], values: PlanValues) -> NDArray[np.float64]:
-        """(n,) shifted values when the only way out leads to the states ``beyond``."""
-        n, world = len(self.inside), self.world
-        successor = np.concatenate([self.successor, np.tile(np.arange(n, n + len(beyond)), (world.n_actions, 1)).T])
-        successor = successor.astype(np.uint32)
-        for exit_number, outside in enumerate(beyond, n):
-            for back, near in enumerate(world.successor[outside].tolist()):
-                at = int(np.searchsorted(self.inside, near))
-                if at < n and self.inside[at] == near:  # a door leads both ways
-                    successor[at, world.successor[near] == outside] = exit_number
-                    successor[exit_number, back] = at
-        value = np.concatenate([np.zeros(n), values.shifted[list(beyond)]])
-        best = n + int(np.argmax(value[n:]))  # a door is narrow: nearly all ways lead over its best cell
-        order, steps = breadth_first(successor, np.array([best]))
-        order = order[order < n]
-        settle_outward(
-            successor, order, steps[order], world.move_reward + values.shift * (1 - world.gamma), -1, 0.0,
-            world.gamma, world.slip, value,
-        )  # fmt: skip
-        return value[:n]

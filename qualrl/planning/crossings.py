@@ -23,6 +23,15 @@ def doors_passed(
     return _doors_between(regions, model.grid.cells[last], model.grid.cells[first])
 
 
+def doors_of_moves(model: HybridMDP, regions: RegionMap, states: NDArray[np.int64]) -> NDArray[np.int32]:
+    """(N, A) the doorway that each move of states (N,) into another region passes; -1 for moves that stay in theirs."""
+    successor = model.grid.successor[states]
+    leaves = model.region_of[successor] != model.region_of[states][:, None]
+    found = np.full(successor.shape, -1, np.int32)
+    found[leaves] = doors_passed(model, regions, states[np.nonzero(leaves)[0]], successor[leaves])
+    return found
+
+
 def door_taken(model: HybridMDP, regions: RegionMap, last: int, first: int) -> Doorway:
     """The same for one step."""
     return regions.doorways[int(doors_passed(model, regions, np.array([last]), np.array([first]))[0])]

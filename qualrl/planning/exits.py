@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from qualrl.kernels import leaving
 from qualrl.kernels.leaving import ASTRAY, GOAL_HERE, NO_WAY
 from qualrl.models.hybrid_mdp import HybridMDP
-from qualrl.planning.crossings import doors_passed
+from qualrl.planning.crossings import doors_of_moves
 from qualrl.planning.legs import EXCURSION_STEPS
 from qualrl.planning.planner import climb_values
-from qualrl.solving.exact import ExactValues, crossings_to_goal
+from qualrl.solving.exact import ExactValues, crossings_to_goal, shifted_rewards
 from qualrl.spatial.region_map import RegionMap
 
 __all__ = ["ASTRAY", "GOAL_HERE", "NO_WAY", "ExitsAsGood", "best_moves", "exits"]
@@ -29,7 +29,7 @@ def exits(model: HybridMDP, regions: RegionMap, exact: ExactValues) -> NDArray[n
     moves = best_moves(model, exact, dislike)
     found = np.full(len(model), NO_WAY, np.int32)
     found[world.goal] = GOAL_HERE
-    door_of = _door_of_steps(model, regions)
+    door_of = doors_of_moves(model, regions, np.arange(len(model))).ravel()
 
     def follow(moves: NDArray[np.uint8], value: NDArray[np.float64], starts: NDArray[np.int64]) -> None:
         leaving.leave_by(
@@ -51,7 +51,7 @@ class ExitsAsGood:
     """
 
     def __init__(self, model: HybridMDP, regions: RegionMap, exact: ExactValues) -> None:
-        self.model, self.door_of = model, _door_of_steps(model, regions)
+        self.model, self.door_of = model, doors_of_moves(model, regions, np.arange(len(model))).ravel()
         self.moves = best_moves(model, exact, crossings_to_goal(model.grid, exact, model.region_of))
 
     def of(self, cells: NDArray[np.int64]) -> set[int]:
@@ -84,16 +84,7 @@ def best_moves(model: HybridMDP, exact: ExactValues, dislike: NDArray[np.int32])
     """(S,) uint8: a bit for each move that is as good as any and leads to a state of least dislike (S,)."""
     world, shift = model.grid, exact.shift
     found: NDArray[np.uint8] = leaving.best_moves(
-        world.successor, world.move_reward + shift * (1 - world.gamma), world.goal, world.goal_reward + shift,
+        world.successor, shifted_rewards(world.move_reward, shift, world.gamma), world.goal, world.goal_reward + shift,
         world.gamma, world.slip, exact.shifted, dislike,
     )  # fmt: skip
     return found
-
-
-def _door_of_steps(model: HybridMDP, regions: RegionMap) -> NDArray[np.int32]:
-    """(S * A,) the doorway that each move into another region passes; -1 for the others."""
-    successor, n_actions = model.grid.successor, model.grid.n_actions
-    steps = np.flatnonzero((model.region_of[successor] != model.region_of[:, None]).ravel())
-    door_of = np.full(successor.size, -1, np.int32)
-    door_of[steps] = doors_passed(model, regions, steps // n_actions, successor.ravel()[steps])
-    return door_of

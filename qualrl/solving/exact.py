@@ -18,6 +18,8 @@ from qualrl.models.tabular_mdp import TabularMDP
 World = GridWorld | TabularMDP
 
 TOLERANCE = 1e-12
+NOTHING = 1e-12
+"""A shifted reward below this share of what was added is 0."""
 FLOOR = 1e-300
 """Smaller values, where float64 has fewer digits, settle no better than this one."""
 MAX_SWEEPS = 1_000_000
@@ -57,6 +59,13 @@ def shift_of(world: World) -> float:
     if isinstance(world, GridWorld) and world.slip == 0:
         lowest = world.step_reward
     return -lowest / (1 - world.gamma)
+
+
+def shifted_rewards(rewards: NDArray[np.float64], shift: float, gamma: float) -> NDArray[np.float64]:
+    """Rewards such that values are ``shift`` larger.  What is worth 0 does not grow out of a rounding error."""
+    added = shift * (1 - gamma)
+    found = rewards + added
+    return np.where(np.abs(found) <= NOTHING * added, 0.0, found)
 
 
 def exact_values(world: World, error: float | None = None) -> ExactValues:
@@ -117,7 +126,7 @@ def _solve_grid(
     cut_off = np.flatnonzero(world.steps_to_goal < 0)
     value = np.zeros(len(world))
     value[cut_off] = world.step_reward / (1 - world.gamma) + shift  # straight on for ever
-    reward = world.move_reward + shift * (1 - world.gamma)
+    reward = shifted_rewards(world.move_reward, shift, world.gamma)
     parts = [(world.outward, world.steps_to_goal[world.outward])]
     if world.slip > 0 and world.directions == 8:  # where moves may slip to the dearer diagonals
         parts.append((cut_off, np.zeros(len(cut_off), np.int32)))
@@ -185,8 +194,8 @@ def _solve_table(world: TabularMDP, shift: float, floor: float) -> NDArray[np.fl
     value = np.where(world.terminal, shift, 0.0)
     swept(
         len(world), bellman.solve_table,
-        world.row_start, world.target, world.probability, world.reward + shift * (1 - world.gamma), world.terminal,
-        world.gamma, np.arange(len(world))[::-1].copy(), value, world.n_actions, TOLERANCE, floor,
+        world.row_start, world.target, world.probability, shifted_rewards(world.reward, shift, world.gamma),
+        world.terminal, world.gamma, np.arange(len(world))[::-1].copy(), value, world.n_actions, TOLERANCE, floor,
     )  # fmt: skip
     return value
 
@@ -206,7 +215,7 @@ def swept(n_states: int, solver: Callable[..., int], *arguments: Any) -> None:
 def crossings_to_goal(world: GridWorld, exact: ExactValues, region_of: NDArray[np.int32]) -> NDArray[np.int32]:
     """(S,) how often an optimal way to the goal must change region: tells apart ways that are equally good."""
     crossings: NDArray[np.int32] = bellman.fewest_crossings(
-        world.successor, world.move_reward + exact.shift * (1 - world.gamma), world.goal,
+        world.successor, shifted_rewards(world.move_reward, exact.shift, world.gamma), world.goal,
         world.goal_reward + exact.shift, world.gamma, world.slip, world.outward, exact.shifted, region_of,
     )  # fmt: skip
     return crossings
@@ -218,9 +227,9 @@ def all_action_values(world: World, shifted: NDArray[np.float64], shift: float) 
     They may differ in the last digit from ``action_values``, which adds up in another order.
     """
     if isinstance(world, TabularMDP):
-        worth = world.reward + shift * (1 - world.gamma) + world.gamma * shifted[world.target]
+        worth = shifted_rewards(world.reward, shift, world.gamma) + world.gamma * shifted[world.target]
         return np.add.reduceat(world.probability * worth, world.row_start[:-1]).reshape(len(world), -1)
-    worth = world.move_reward + shift * (1 - world.gamma) + world.gamma * shifted[world.successor]
+    worth = shifted_rewards(world.move_reward, shift, world.gamma) + world.gamma * shifted[world.successor]
     worth[world.successor == world.goal] = world.goal_reward + shift
     other = world.slip / (world.n_actions - 1)
     found: NDArray[np.float64] = (1 - world.slip - other) * worth + other * worth.sum(axis=1, keepdims=True)
@@ -232,12 +241,12 @@ def action_values(world: World, shifted: NDArray[np.float64], shift: float, stat
     q = np.empty(world.n_actions)
     if isinstance(world, GridWorld):
         bellman.grid_backup(
-            world.successor, world.move_reward + shift * (1 - world.gamma), world.goal, world.goal_reward + shift,
-            world.gamma, world.slip, shifted, state, q,
+            world.successor, shifted_rewards(world.move_reward, shift, world.gamma), world.goal,
+            world.goal_reward + shift, world.gamma, world.slip, shifted, state, q,
         )  # fmt: skip
     else:
         bellman.table_backup(
-            world.row_start, world.target, world.probability, world.reward + shift * (1 - world.gamma), world.gamma,
-            shifted, state, q,
+            world.row_start, world.target, world.probability, shifted_rewards(world.reward, shift, world.gamma),
+            world.gamma, shifted, state, q,
         )  # fmt: skip
     return q

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import breadth_first_order
 from qualrl.kernels import bellman
 from qualrl.models.grid_world import GridWorld
 from qualrl.solving.crossings import Crossings
-from qualrl.solving.exact import TOLERANCE, ExactValues, World, swept
+from qualrl.solving.exact import TOLERANCE, ExactValues, World, shifted_rewards, swept
 
 Policy = NDArray[np.int16]
 """(n,) action in each state of a part."""
@@ -43,7 +43,7 @@ class Part:
         self.world = world
         self.inside = members[~over[members]]
         self.row_start, self.target, self.probability, reward = _outcomes(world, self.inside)
-        self.reward = reward + exact.shift * (1 - world.gamma)
+        self.reward = shifted_rewards(reward, exact.shift, world.gamma)
         position = np.minimum(np.searchsorted(self.inside, self.target), len(self.inside) - 1)
         stays = self.inside[position] == self.target
         self.local = np.where(stays, position, len(self.inside)).astype(np.uint32)

@@ -11,7 +11,7 @@ from qualrl.io.bundled import bundled_folder
 from qualrl.io.scenario import load_scenario
 from qualrl.learning.learner import Learner
 from qualrl.models.hybrid_mdp import HybridMDP
-from qualrl.solving.exact import exact_values
+from qualrl.solving.exact import exact_values, shifted_rewards
 from qualrl.solving.policy import greedy_walk
 from qualrl.studies.budget import Look
 from qualrl.studies.settings import Budget
@@ -66,7 +66,7 @@ def indistinct(model: HybridMDP) -> tuple[int, int | None]:
     away = (world.steps_to_goal >= 0) & (np.arange(len(world)) != world.goal)
     same = []
     for value, shift in ((exact.value, 0.0), (exact.shifted, exact.shift)):
-        onward = world.move_reward + shift * (1 - world.gamma) + world.gamma * value[world.successor]
+        onward = shifted_rewards(world.move_reward, shift, world.gamma) + world.gamma * value[world.successor]
         q = np.where(world.successor == world.goal, world.goal_reward + shift, onward)
         same.append(q.max(axis=1) == q.min(axis=1))
     lost = np.flatnonzero(same[0] & ~same[1] & away)
