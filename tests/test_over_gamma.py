@@ -74,6 +74,8 @@ def test_what_a_few_points_tell_of_dearer_diagonals_holds_between_them(first, se
         halfway = math.sqrt(gamma)
         return math.log(halfway), math.log(dearest / (1 - halfway) + max(last, 0.0))
 
+    # What is left of the goal is more than rounding errors, as it is where values are asked for
+    assume(all(total(ways, gamma) > 1e-9 * dearest / (1 - gamma) for ways in (first, second) for gamma in gammas))
     points = [
         Solved(gamma, (math.log(total(first, gamma)), math.log(total(second, gamma))), most(gamma)) for gamma in gammas
     ]

@@ -2,6 +2,7 @@
 
 import math
 
+import mpmath
 import networkx as nx
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from scipy.sparse.csgraph import dijkstra
 from qualrl.errors import PlaceError, SettingError
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.tabular_mdp import TabularMDP
-from qualrl.solving.exact import action_values, exact_values
+from qualrl.solving.exact import action_values, error_at, exact_values, off_of, shift_of
 from qualrl.solving.policy import greedy_walk
 from tests import oracles
 from tests.worlds import PUZZLE, free_masks, grid_of
@@ -203,3 +204,57 @@ def test_no_value_is_off_by_more_than_the_error_asked_for(data, free, directions
 def test_an_error_that_is_none_is_refused(error):
     with pytest.raises(SettingError, match="must be above 0"):
         exact_values(GridWorld(np.ones((2, 2), bool), (0, 0), 0.9), error)
+
+
+@pytest.mark.parametrize("gamma", [0.05, 0.06, 0.13, 0.27, 0.53, 0.64, 0.91])
+def test_far_values_fade_as_they_should_where_the_shift_is_not_exact(gamma):
+    world = GridWorld(np.ones((1, 120), bool), (0, 0), gamma)
+    assert world.step_reward + shift_of(world) * (1 - gamma) != 0  # by rounding
+    found = exact_values(world)
+    steps = np.arange(1, 120)
+    expected = gamma ** (steps - 1.0) * (world.goal_reward + found.shift)
+    np.testing.assert_allclose(found.shifted[1:], expected, rtol=1e-10)
+    np.testing.assert_allclose(exact_values(world.table()).shifted[1:], expected, rtol=1e-10)
+
+
+def values_of_best_policy(world):
+    """(S,) value + shift by elimination with 40 digits, for the best moves at the values found."""
+    with mpmath.workdps(40):
+        found, gamma, slip = exact_values(world), mpmath.mpf(world.gamma), mpmath.mpf(world.slip)
+        here = [state for state in world.outward.tolist() if state != world.goal]
+        if not here:
+            return [], [], found
+        number = {state: at for at, state in enumerate(here)}
+        step, paid = mpmath.eye(len(here)), mpmath.zeros(len(here), 1)
+        for state in here:
+            best = int(np.argmax(action_values(world, found.shifted, found.shift, state)))
+            for move in range(world.n_actions):
+                chance = 1 - slip if move == best else slip / (world.n_actions - 1)
+                there = int(world.successor[state, move])
+                paid[number[state]] += chance * (world.goal_reward if there == world.goal else world.move_reward[move])
+                if there != world.goal:
+                    step[number[state], number[there]] -= gamma * chance
+        solved = mpmath.lu_solve(step, paid)
+        return here, [float(solved[at] + mpmath.mpf(found.shift)) for at in range(len(here))], found
+
+
+@given(
+    st.data(), free_masks(side=4), st.sampled_from([4, 8]), st.sampled_from([0.001, 0.1, 0.4]),
+    st.sampled_from([0.3, 0.9, 0.9999, 0.999999, 1 - 1e-8]),
+)  # fmt: skip
+@settings(max_examples=40, deadline=None)
+def test_no_settled_value_is_off_by_more_than_is_said(data, free, directions, slip, gamma):
+    world = GridWorld(free, data.draw(goals(free)), gamma, slip, directions)
+    here, expected, found = values_of_best_policy(world)
+    for state, value in zip(here, expected, strict=True):
+        off = off_of(world, float(found.shifted[state]), found.shift)
+        assert abs(found.shifted[state] - value) <= off
+        assert off <= 1e-9 * found.shifted[state]
+        assert error_at(world, float(found.shifted[state]), found.shift) >= off
+
+
+def test_what_few_steps_lead_to_is_known_well_at_gammas_near_1():
+    world = GridWorld(np.ones((4, 6), bool), (0, 0), 0.999999, 0.1)
+    found = exact_values(world)
+    least = float(found.shifted[world.outward[1:]].min())
+    assert off_of(world, least, found.shift) < 1e-4  # a 1e-9th of it is 1e-3

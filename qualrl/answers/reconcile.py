@@ -127,7 +127,7 @@ def _check(model: HybridMDP, start: int, expected: Sequence[str]) -> None:
     if [expected[0], expected[-1]] != ends:
         raise SettingError(f"a plan from {ends[0]} to {ends[1]} begins and ends there, got {', '.join(expected)}")
     if len(set(expected)) < len(expected):
-        raise SettingError(f"no best plan passes a region twice, got {', '.join(expected)}")
+        raise SettingError(f"only plans that pass no region twice are reconciled, got {', '.join(expected)}")
 
 
 def _best(model: HybridMDP, start: int) -> Way:

@@ -20,7 +20,7 @@ from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.qualitative.from_counts import Counts
 from qualrl.qualitative.robust_order import BETTER, UNDECIDED, WORSE
 from qualrl.qualitative.signs import one_after_the_other
-from qualrl.solving.exact import SlipSpan, error_of, exact_values, values_between
+from qualrl.solving.exact import SlipSpan, error_at, exact_values, values_between
 from qualrl.spatial.region_map import Doorway
 
 MOST_SPANS = 64
@@ -104,7 +104,9 @@ def robust_slip(
     """
     check_confidence(confidence)
     if model.region_of[start] == model.region_of[model.grid.goal]:
-        raise SettingError(f"start and goal are both in {_region(model, start)}: no doorway is to be chosen")
+        raise SettingError(
+            f"start and goal are both in {_region(model, start)}: leaving it is not compared with staying there"
+        )
     span = slip.interval(confidence) if isinstance(slip, Counts) else slip
     check_span("slip (with more of it moves lead less often where they aim at)", span, 0, 1 - 1 / model.grid.n_actions)
     low, high = span
@@ -146,9 +148,12 @@ def _bounds(model: HybridMDP, start: int, doors: Sequence[Doorway], low: float, 
     for helps in (False, True):
         span = SlipSpan(low, high, helps)
         values = values_between(changed.grid, span)
-        off = error_of(changed.grid, values) * (1 if helps else -1)
+        worth = {door.name: value_through(changed, values, start, door, span) for door in doors}
         ends.append(
-            {door.name: value_through(changed, values, start, door, span) - values.shift + off for door in doors}
+            {
+                door: value - values.shift + error_at(changed.grid, value, values.shift) * (1 if helps else -1)
+                for door, value in worth.items()
+            }
         )
     return {name: (least, ends[1][name]) for name, least in ends[0].items()}
 

@@ -36,21 +36,24 @@ class ThroughWay:
         return self.parts[0] + self.parts[1][1:]
 
 
-def way_through(model: HybridMDP, exact: ExactValues, start: int, door: Doorway) -> ThroughWay:
-    """The best way from a state, which leaves its region by a doorway of it.  Raises NoPlanError where none does."""
+def way_through(model: HybridMDP, exact: ExactValues, start: int, door: Doorway | None) -> ThroughWay:
+    """The best way from a state, which leaves its region by a doorway of it.  Raises NoPlanError where none does.
+
+    door: None for the best way that stays in the goal's region.
+    """
     room = left_by(model, start, door)
     world, shifted, successor = model.grid, np.full(len(model), -np.inf), model.grid.successor.copy()
     shifted[room.inside] = _values(model, exact, start, door, room, world.slip)
     shifted[room.beyond] = exact.shifted[room.beyond]
     successor[room.inside] = room.of_world
     slope = Slope(world, successor, shifted, exact.shift)
-    first = slope.walk(start, model.region_of != model.region_of[start])
+    first = slope.walk(start, np.isin(np.arange(len(model)), room.beyond))
     rest = [first[-1]] if first[-1] == world.goal else exact_walk(model, exact, first[-1])
     return ThroughWay((tuple(first), tuple(rest)), float(shifted[start]), slope)
 
 
 def value_through(
-    model: HybridMDP, exact: ExactValues, start: int, door: Doorway, slip: float | SlipSpan
+    model: HybridMDP, exact: ExactValues, start: int, door: Doorway | None, slip: float | SlipSpan
 ) -> float:  # fmt: skip
     """The shifted value of a state whose region is left by one doorway, which slips do not change.
 
@@ -61,12 +64,14 @@ def value_through(
     return float(_values(model, exact, start, door, room, slip)[np.searchsorted(room.inside, start)])
 
 
-def left_by(model: HybridMDP, start: int, door: Doorway) -> OneDoorway:
+def left_by(model: HybridMDP, start: int, door: Doorway | None) -> OneDoorway:
     """The region of a state when it is left by one doorway.  Raises NoPlanError where that does not lead on."""
     regions = model.regions
     assert regions is not None
     region = int(model.region_of[start])
     room = Room.of(model, regions, np.flatnonzero(model.region_of == region)).left_by(door)
+    if door is None:
+        return room
     others = [of for of in regions.doorways if region in of.pair and of.name != door.name]
     walls = [wall for of in others for wall in crossings_of(regions, of)]
     shut = replace(model.grid, closed=(*model.grid.closed, *walls))
@@ -76,9 +81,10 @@ def left_by(model: HybridMDP, start: int, door: Doorway) -> OneDoorway:
 
 
 def _values(
-    model: HybridMDP, exact: ExactValues, start: int, door: Doorway, room: OneDoorway, slip: float | SlipSpan
+    model: HybridMDP, exact: ExactValues, start: int, door: Doorway | None, room: OneDoorway, slip: float | SlipSpan
 ) -> NDArray[np.float64]:
     values = room.values(exact.shifted, exact.shift, slip)
     if not np.isfinite(values[np.searchsorted(room.inside, start)]):
-        raise NoPlanError(f"{door.name} cannot be reached from {model.describe(start)} inside its region")
+        what = "the goal" if door is None else door.name
+        raise NoPlanError(f"{what} cannot be reached from {model.describe(start)} inside its region")
     return values

@@ -16,11 +16,10 @@ from qualrl.planning.legs import legs_of
 from qualrl.planning.on_the_way import SIDES, passages
 from qualrl.planning.planner import length_m
 from qualrl.qualitative.plan_value import Course, course_of
+from qualrl.solving.exact import OFF, off_of
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.region_map import RegionMap
 
-OFF, OFF_SLIPPING = 1e-12, 1e-9
-"""Shares by which shifted values may be off: what is summed up along a way, and what settles where moves slip."""
 SHORTEST_TOLD_M = 0.005
 LENGTHS = ("shorter", "as long", "longer")
 STEPS = ("fewer steps", "as many steps", "more steps")
@@ -48,10 +47,16 @@ class Worth:
             difference, off = self.value - other.value, max(off, ALIKE * abs(other.value))
         return difference if abs(difference) > off else 0.0
 
+    def alike(self, other: "Worth") -> str:
+        """In words, that it is worth as much as another as far as that can be told."""
+        off = self.off + other.off
+        is_settled = off > 2 * OFF * max(abs(self.shifted), abs(other.shifted))
+        return f"as much, to within {off:.1g}" if is_settled else "exactly as much"
+
 
 def worth_of(world: GridWorld, shifted: float, shift: float) -> Worth:
     """A shifted value that was solved in a world."""
-    return Worth(float(shifted), shift, (OFF_SLIPPING if world.slip else OFF) * abs(float(shifted)))
+    return Worth(float(shifted), shift, off_of(world, float(shifted), shift))
 
 
 @dataclass(frozen=True)

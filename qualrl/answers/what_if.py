@@ -145,7 +145,9 @@ class WhatIf(Answer):
         if self.before is None:
             return f"{self.after.with_worth(depth)}"
         difference = self.after.worth.beside(self.before.worth)
-        worth = f"{abs(difference):.3g} {'more' if difference > 0 else 'less'}" if difference else "exactly as much"
+        worth = self.after.worth.alike(self.before.worth)
+        if difference:
+            worth = f"{abs(difference):.3g} {'more' if difference > 0 else 'less'}"
         worth = depth.at_numbers(worth, self.after.worth_beside(self.before))
         if not self.is_comparable:
             worth = "which is of another gamma" if depth == Depth.NUMBERS else "what it is worth is of another gamma"

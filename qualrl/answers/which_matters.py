@@ -63,6 +63,8 @@ class WhichMatters(Answer):
     """Of all doorways and regions without which something is lost, the greatest loss first.  (Where moves slip, closing
     one may gain a little; that is not listed.)
     """
+    off: float
+    """Losses up to this are not told from none: 0 where no move slips."""
     cut: tuple[str, ...]
     """Fewest doorways whose closing parts the start from the goal; none where both are in one region."""
 
@@ -72,7 +74,8 @@ class WhichMatters(Answer):
         worth = depth.at_numbers(f", worth {self.value:.6g} at gamma {self.gamma:.12g}", first)
         yield f"From {self.start} to {self.goal}{worth}:"
         if not self.losses:
-            yield "no single doorway or region matters"
+            to_within = depth.at_numbers(f" by more than {self.off:.1g}") if self.off else ""
+            yield f"no single doorway or region matters{to_within}"
         yield from (loss.in_words(depth) for loss in self.losses)
         if not self.cut:
             yield "Start and goal are in the same region, so no doorway parts them."
@@ -86,7 +89,7 @@ class WhichMatters(Answer):
         """See Answer."""
         return {
             "question": "which-matters", "from": self.start, "to": self.goal, "gamma": self.gamma, "value": self.value,
-            "losses": [loss.to_dict() for loss in self.losses], "cut": list(self.cut),
+            "off": self.off, "losses": [loss.to_dict() for loss in self.losses], "cut": list(self.cut),
         }  # fmt: skip
 
 
@@ -118,6 +121,7 @@ def which_matters(model: HybridMDP, start: int, names: tuple[str, str]) -> Which
         model.gamma,
         now.value,
         tuple(felt),
+        2 * now.off if model.grid.slip else 0.0,
         _fewest(model.regions, *(int(model.region_of[at]) for at in (start, model.grid.goal))),
     )
 

@@ -92,7 +92,8 @@ class Why(Answer):
             return
         margin = self.margin
         less = depth.at_numbers(
-            f"{margin:.3g} less" if margin else "exactly as much", self.other.worth_beside(self.best)
+            f"{margin:.3g} less" if margin else self.best.worth.alike(self.other.worth),
+            self.other.worth_beside(self.best),
         )
         less = depth.from_signs(f", {less}") + depth.at_signs(f"; {longer(self.other, self.best, depth)}")
         yield f"Next best is to {self.other_action}: {self.other.with_worth(depth)}{less}."
@@ -110,7 +111,8 @@ class Why(Answer):
             words = self.contrast.in_words("the plan", "the next best", depth == Depth.NUMBERS)
             yield f"Of these two ways, {words}."
         elif self.over_gamma is not None:
-            one, other = (f"the way by {way.doors[0]}" for way in (self.best, self.other))
+            ways = (self.best, self.other)
+            one, other = (f"the way by {way.doors[0]}" if way.doors else "staying" for way in ways)
             words = self.over_gamma.in_words(one, other, depth)
             yield f"If slips may not change which doorway it is, {words}."
         else:
@@ -168,9 +170,9 @@ def why(model: HybridMDP, start: int, goal: str, at: str | None, gammas: Span | 
         return Why(place, cell, goal, model.gamma, "walk to the goal", best, None, None, (), None)
     leave = legs[1].first
     door = door_taken(model, model.regions, walk[leave - 1], walk[leave])
-    action = f"go through {door.name} to {best.places[1]}"
+    action = _action(door, best.places[1])
     choices = Chooser(model, model.regions, exact_plan_values(model, exact)).at(walk[0], door)
-    others = [choice for choice in choices if choice.door.name != door.name]
+    others = [choice for choice in choices if choice.door is not door]
     if not others:
         return Why(place, cell, goal, model.gamma, action, best, None, None, (), None)
     through = way_through(model, exact, walk[0], others[0].door)
@@ -179,7 +181,7 @@ def why(model: HybridMDP, start: int, goal: str, at: str | None, gammas: Span | 
     accounts = _expected(model, exact, walk[0], through) if slips else _walked(model, walk, through)
     return Why(
         place, cell, goal, model.gamma, action, best,
-        f"go through {others[0].door.name} to {model.region_names[others[0].to_region]}", other, _entries(*accounts),
+        _action(others[0].door, model.region_names[others[0].to_region]), other, _entries(*accounts),
         None if slips else contrast(course(model, walk), course(model, through.walk)),
         _bound(model, exact, walk[0], door, best) if slips else None,
         None if gammas is None else over_gamma(model, gammas, partial(_through, walk[0], (door, others[0].door))),
@@ -198,6 +200,10 @@ def _from(model: HybridMDP, exact: ExactValues, walk: list[int], at: str) -> lis
     return exact_walk(model, exact, state)
 
 
+def _action(door: Doorway | None, to: str) -> str:
+    return f"stay in {to}" if door is None else f"go through {door.name} to {to}"
+
+
 def _bound(model: HybridMDP, exact: ExactValues, start: int, door: Doorway, best: Way) -> Worth | None:
     """See ``Why.bound``."""
     shifted = value_through(model, exact, start, door, model.grid.slip)
@@ -205,8 +211,10 @@ def _bound(model: HybridMDP, exact: ExactValues, start: int, door: Doorway, best
     return worth if worth.beside(best.worth) else None
 
 
-def _through(start: int, doors: tuple[Doorway, Doorway], model: HybridMDP, exact: ExactValues) -> tuple[float, float]:
-    """Shifted values of leaving a state's region by each of two doorways."""
+def _through(
+    start: int, doors: tuple[Doorway, Doorway | None], model: HybridMDP, exact: ExactValues
+) -> tuple[float, float]:
+    """Shifted values of leaving a state's region by each of two doorways, or of staying."""
     one, other = (value_through(model, exact, start, door, model.grid.slip) for door in doors)
     return float(one), float(other)
 

@@ -21,7 +21,8 @@ from qualrl.spatial.region_map import Doorway, RegionMap
 class Choice:
     """One qualitative action at one state."""
 
-    door: Doorway
+    door: Doorway | None
+    """None for staying in the goal's region."""
     to_region: int
     shifted: float
     """Its shifted value."""
@@ -36,12 +37,18 @@ class Chooser:
     values: PlanValues
 
     def at(self, state: int, taken: Doorway) -> list[Choice]:
-        """The doors of a state's region that lead on to the goal without coming back, and the one taken; best first."""
+        """What can be done in a state's region, best first: to leave it by a doorway, or, where the goal is, to stay.
+
+        Doorways that lead on to the goal without coming back, and the one taken; without those that cannot be reached
+        inside the region.
+        """
         region = int(self.model.region_of[state])
-        doors = self._onward(region, taken)
+        ways: list[tuple[Doorway | None, int]] = [*self._onward(region, taken)]
+        if region == int(self.model.region_of[self.model.grid.goal]):
+            ways.append((None, region))
         at = int(np.searchsorted(self.states[region], state))
-        through = self._values_through(region, doors)
-        found = [Choice(door, beyond, float(values[at])) for (door, beyond), values in zip(doors, through, strict=True)]
+        worth = [float(values[at]) for values in self._values_through(region, [door for door, _ in ways])]
+        found = [Choice(door, to, value) for (door, to), value in zip(ways, worth, strict=True) if np.isfinite(value)]
         return sorted(found, key=lambda choice: -choice.shifted)
 
     def throughout(self, region: int) -> tuple[list[Doorway], NDArray[np.float64]]:
@@ -49,19 +56,18 @@ class Chooser:
 
         Shifted values of the region's n states; 0 where a door cannot be reached inside the region.
         """
-        doors = self._onward(region)
-        values = self._values_through(region, doors)
-        return [door for door, _ in doors], np.array(values).reshape(len(doors), len(self.states[region]))
+        doors = [door for door, _ in self._onward(region)]
+        values = np.array(self._values_through(region, doors)).reshape(len(doors), len(self.states[region]))
+        return doors, np.where(np.isfinite(values), values, 0.0)
 
     def _onward(self, region: int, taken: Doorway | None = None) -> list[tuple[Doorway, int]]:
         onward = self._regions_of_the_goal_without(region)
         return [(door, beyond) for door, beyond in self._doors[region] if beyond in onward or door is taken]
 
-    def _values_through(self, region: int, doors: Sequence[tuple[Doorway, int]]) -> list[NDArray[np.float64]]:
+    def _values_through(self, region: int, doors: Sequence[Doorway | None]) -> list[NDArray[np.float64]]:
         room = Room.of(self.model, self.regions, self.states[region])
         values, slip = self.values, self.model.grid.slip
-        found = [room.left_by(door).values(values.shifted, values.shift, slip) for door, _ in doors]
-        return [np.where(np.isfinite(through), through, 0.0) for through in found]
+        return [room.left_by(door).values(values.shifted, values.shift, slip) for door in doors]
 
     @cached_property
     def _doors(self) -> list[list[tuple[Doorway, int]]]:

@@ -1,7 +1,8 @@
 """A region that is left by one doorway only, all its others shut (paper, equation (10)).
 
 n cells of the region, m cells just beyond the doorway, S states, A moves.  A way must lead out: into the goal it leads
-through the doorway only, and a move that would lead out by another, or into a goal within, stays where it is.
+through the doorway only, and a move that would lead out by another, or into a goal within, stays where it is.  Or all
+doorways are shut and a way must lead to the goal within; then that is what lies beyond.
 """
 
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from qualrl.spatial.region_map import Doorway, RegionMap
 
 @dataclass(frozen=True, eq=False)
 class OneDoorway:
-    """The region as a small world of its own, with the cells beyond the doorway."""
+    """The region as a small world of its own, with the cells beyond the doorway, or the goal."""
 
     world: GridWorld
     inside: NDArray[np.int64]
@@ -69,10 +70,13 @@ class Room:
         target = model.grid.successor[inside].astype(np.int64)
         return cls(model.grid, regions, inside, target, doors_of_moves(model, regions, inside))
 
-    def left_by(self, door: Doorway) -> OneDoorway:
-        """The region when it is left by one doorway of it."""
-        number = [of.name for of in self.regions.doorways].index(door.name)
-        out = (self.door_of == number) & (self.world.steps_to_goal[self.target] >= 0)
+    def left_by(self, door: Doorway | None) -> OneDoorway:
+        """The region when it is left by one doorway of it; None: when it is not left but for the goal."""
+        if door is None:
+            out = (self.target == self.world.goal) & (self.door_of < 0)
+        else:
+            number = [of.name for of in self.regions.doorways].index(door.name)
+            out = (self.door_of == number) & (self.world.steps_to_goal[self.target] >= 0)
         n, n_actions = self.target.shape
         own = np.arange(n)[:, None]
         stays = (self.door_of >= 0) | (self.target == self.world.goal)

@@ -16,7 +16,7 @@ from qualrl.planning.legs import Leg, legs_of
 from qualrl.planning.on_the_way import landmarks_passed, passages
 from qualrl.planning.plan import Plan, Step
 from qualrl.planning.values import PlanValues, exact_plan_values, learned_plan_values
-from qualrl.solving.exact import ExactValues, crossings_to_goal, exact_values
+from qualrl.solving.exact import ExactValues, crossings_to_goal, exact_values, off_of
 from qualrl.solving.policy import ActionValues, greedy_walk
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.region_map import CENTRE, Doorway, RegionMap
@@ -183,7 +183,8 @@ def _step_through(
     length_m: float | None, values: PlanValues,
 ) -> Step:  # fmt: skip
     def action(of: Choice) -> str:
-        return f"{of.door.name} to {model.region_names[of.to_region]}"
+        region = model.region_names[of.to_region]
+        return f"staying in {region}" if of.door is None else f"{of.door.name} to {region}"
 
     taken = next(choice for choice in choices if choice.door is door)
     others = [choice for choice in choices if choice.door is not door]
@@ -196,7 +197,8 @@ def _step_through(
     other = others[0]
     margin = taken.shifted - other.shifted
     other_value = values.plain(other.shifted)
-    if abs(margin) <= 1e-9 * abs(taken.shifted):
+    off = [off_of(model.grid, of.shifted, values.shift) for of in (taken, other)]
+    if abs(margin) <= sum(off):
         reason = f"worth {value:.6g}, exactly as much as {action(other)}"
     elif margin > 0:
         reason = (

@@ -20,6 +20,8 @@ World = GridWorld | TabularMDP
 TOLERANCE = 1e-12
 NOTHING = 1e-12
 """A shifted reward below this share of what was added is 0."""
+OFF, OFF_SLIPPING = 1e-12, 1e-9
+"""Shares by which shifted values may be off: what is summed up along a way, and what settles where moves slip."""
 FLOOR = 1e-300
 """Smaller values, where float64 has fewer digits, settle no better than this one."""
 MAX_SWEEPS = 1_000_000
@@ -101,9 +103,28 @@ def values_between(world: GridWorld, span: SlipSpan) -> ExactValues:
     return ExactValues(value, shifted, shift)
 
 
-def error_of(world: World, exact: ExactValues) -> float:
-    """By how much a settled value may be off at most, and one that is built on settled values by settling, too."""
-    return 2 * TOLERANCE * float(exact.shifted.max()) / (1 - world.gamma)
+def error_at(world: GridWorld, shifted: float, shift: float) -> float:
+    """By how much a settled shifted value of a state may be off at most, and one built on settled values, too.
+
+    No value settles further than 1e-12 of the largest from its backup, and the discounted sum of these is at most so
+    many times as much as the discounted count of steps to the goal.  The less of that, the more is left of what the
+    goal is worth: with c the largest shifted reward of a step and P = E[gamma ** T], value <= c (1 - P) / (1 - gamma) +
+    goal P / gamma.
+    """
+    on_the_way = float(shifted_rewards(world.move_reward, shift, world.gamma).max()) / (1 - world.gamma)
+    goal = world.goal_reward + shift
+    steps = 1 / (1 - world.gamma)
+    if world.gamma * on_the_way < goal:
+        left = world.gamma * (shifted - on_the_way) / (goal - world.gamma * on_the_way)
+        steps *= 1 - min(max(left, 0.0), world.gamma)
+    return 2 * TOLERANCE * max(goal, on_the_way) * steps
+
+
+def off_of(world: GridWorld, shifted: float, shift: float) -> float:
+    """By how much a shifted value is off at most: added up along a way, or, where moves slip, settled."""
+    if world.slip == 0:
+        return OFF * abs(shifted)
+    return min(OFF_SLIPPING * abs(shifted), error_at(world, shifted, shift))
 
 
 def _floor(world: World, shift: float, error: float | None) -> float:

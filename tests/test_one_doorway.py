@@ -1,0 +1,192 @@
+"""Regions left by one doorway: against sweeps over the region alone, breadth-first searches and whole plans."""
+
+from functools import cache
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import qualrl
+from qualrl.errors import NoPlanError, SettingError
+from qualrl.planning.legs import legs_of
+from qualrl.planning.one_doorway import Room
+from qualrl.qualitative.graph import crossings_of
+from qualrl.solving.exact import exact_values
+from tests.test_planning import LOOP
+from tests.worlds import PUZZLE, grid_of
+
+BENT = """
+##############
+#..#.....#...#
+#..#.....#...#
+#............#
+#..#.........#
+#.##.#####..##
+#........#...#
+#..#.........#
+#........#...#
+##############
+"""
+"""With doorways round a corner, which a diagonal step passes from cell to cell, neither of them beside the doorway."""
+RING = """
+###############
+#.............#
+#.###########.#
+#.#...#.....#.#
+#.#.........#.#
+#.#...#.....#.#
+#..#..#.....#.#
+#.#..##.####..#
+#.#.........#.#
+#.#.........#.#
+#.#...#.......#
+#.#.######.##.#
+#.....#.....#.#
+#.#...#.....#.#
+#.#...#.......#
+#.#...#.....#.#
+#.###########.#
+#.###########.#
+###############
+"""
+"""Round the rooms in the middle a corridor, which takes longer from end to end than the rooms do."""
+MAPS = LOOP, PUZZLE, BENT, RING
+
+
+@cache
+def regions_of(text):
+    """Found when a test runs, not when it is collected: that would compile in every worker."""
+    return qualrl.segment(grid_of(text))
+
+
+def cells_of(regions):
+    return [tuple(cell) for cell in np.argwhere(regions.grid.free).tolist()]
+
+
+@st.composite
+def models(draw, texts=MAPS, motions=((4, 0.0), (4, 0.2), (8, 0.0), (8, 0.2))):
+    regions = regions_of(draw(st.sampled_from(texts)))
+    beside_doors = sorted({cell for door in regions.doorways for ends in crossings_of(regions, door) for cell in ends})
+    goal = draw(st.sampled_from(beside_doors) | st.sampled_from(cells_of(regions)))
+    start = draw(st.sampled_from(cells_of(regions)))
+    assume(start != goal)
+    directions, slip = draw(st.sampled_from(motions))
+    return qualrl.build(regions, list(goal), start=list(start), gamma=0.95, directions=directions, slip=slip)
+
+
+def sweeps_through(model, region, door):
+    """(S,) values of a region's cells where one doorway is open, or none, but the goal is (door None)."""
+    world, ends = model.grid, model.grid.successor.astype(int)
+    sides = set() if door is None else {
+        frozenset(int(world.state_of[cell]) for cell in pair) for pair in crossings_of(model.regions, door)
+    }  # fmt: skip
+    passes = np.array([[frozenset((s, t)) in sides for t in row] for s, row in enumerate(ends.tolist())])
+    leaves, at_goal = model.region_of[ends] != region, ends == world.goal
+    stays = (leaves & ~passes) | (at_goal & ~leaves & (door is not None))
+    chance = np.full((world.n_actions, world.n_actions), world.slip / (world.n_actions - 1))
+    np.fill_diagonal(chance, 1 - world.slip)
+    everywhere = exact_values(world).value
+    within = model.region_of == region
+    values = np.where(within, -1 / (1 - world.gamma), everywhere)
+    own = np.arange(len(world))[:, None]
+    for _ in range(700):
+        paid = np.where(at_goal & ~stays, world.goal_reward, world.move_reward)
+        after = np.where(at_goal & ~stays, 0.0, values[np.where(stays, own, ends)])
+        values = np.where(within, ((paid + world.gamma * after) @ chance.T).max(axis=1), everywhere)
+    return values
+
+
+@settings(deadline=None, max_examples=60)
+@given(models(motions=((4, 0.0), (4, 0.2))), st.data())
+def test_values_are_those_of_sweeps_over_the_region(model, data):
+    door = data.draw(st.sampled_from(model.regions.doorways))
+    region = data.draw(st.sampled_from(door.pair))
+    goal_here = region == int(model.region_of[model.grid.goal])
+    door = data.draw(st.sampled_from([door, None])) if goal_here else door
+    exact = exact_values(model.world)
+    room = Room.of(model, model.regions, np.flatnonzero(model.region_of == region)).left_by(door)
+    found = room.values(exact.shifted, exact.shift, model.grid.slip)
+    expected, away = sweeps_through(model, region, door)[room.inside], room.inside != model.grid.goal
+    np.testing.assert_allclose(np.where(np.isfinite(found), found, 0.0)[away] - exact.shift, expected[away], atol=1e-5)
+
+
+@settings(deadline=None, max_examples=60)
+@given(models(motions=((4, 0.0), (8, 0.0))))
+def test_without_slips_a_step_of_the_exact_plan_is_worth_what_the_rest_of_the_plan_is(model):
+    exact, found = exact_values(model.world), qualrl.plan(model)
+    states = [int(model.grid.state_of[cell]) for cell in found.path]
+    for step, leg in zip(found.steps, legs_of(model, states), strict=True):
+        value = exact.value[states[leg.first]]
+        assert step.value == pytest.approx(value, abs=1e-9)
+        assert step.margin is None or step.margin >= -1e-9
+        assert step.runner_up_value is None or step.runner_up_value <= value + 1e-9
+
+
+@settings(deadline=None, max_examples=60)
+@given(models(texts=(BENT, RING), motions=((8, 0.2), (8, 0.0), (4, 0.2))))
+def test_why_answers_wherever_a_way_leads_to_the_goal(model):
+    answer = qualrl.questions.why(model)
+    assert answer.best.value == pytest.approx(exact_values(model.world).value[model.start])
+    assert answer.other is None or answer.other.worth.beside(answer.best.worth) <= 0
+
+
+@pytest.mark.parametrize("slip", [0.0, 0.1])
+def test_staying_in_the_goals_region_is_set_beside_leaving_it(slip):
+    regions = regions_of(RING)
+    model = qualrl.build(regions, [17, 13], start=[17, 1], gamma=0.95, slip=slip)
+    within = nx.grid_2d_graph(*regions.label.shape)
+    within = within.subgraph([cell for cell in within if regions.label[cell] == regions.label[17, 1]])
+    alone = nx.shortest_path_length(within, (17, 1), (17, 13))
+    answer = qualrl.questions.why(model)
+    assert answer.best.doors
+    assert answer.other_action == f"stay in {model.region_names[regions.label[17, 1]]}"
+    assert (answer.other.doors, answer.other.steps) == ((), alone)
+    if slip == 0:
+        assert answer.other.value == pytest.approx(-(1 - 0.95 ** (alone - 1)) / 0.05 + 100 * 0.95 ** (alone - 1))
+    assert sum(entry.difference for entry in answer.entries) == pytest.approx(answer.margin, abs=1e-6)
+    step = qualrl.plan(model).steps[0]
+    assert step.runner_up == f"staying in {step.place}"
+    assert step.runner_up_value == pytest.approx(answer.other.value)
+
+
+def test_what_cannot_be_told_there_is_refused_in_words():
+    model = qualrl.build(regions_of(RING), [17, 13], start=[17, 1], gamma=0.95)
+    here = model.region_names[model.region_of[model.start]]
+    with pytest.raises(SettingError, match="not compared with staying"):
+        qualrl.questions.robust(model, slip=(0.1, 0.2))
+    ways = [door.pair for door in model.regions.doorways if int(model.region_of[model.start]) in door.pair]
+    beside = model.region_names[next(end for end in ways[0] if model.region_names[end] != here)]
+    with pytest.raises(SettingError, match="no region twice"):
+        qualrl.questions.reconcile(model, [here, beside, here])
+
+
+def test_a_doorway_that_leads_nowhere_is_no_way():
+    first, *_, last = cells_of(regions_of(LOOP))
+    model = qualrl.build(regions_of(LOOP), list(first), start=list(last), gamma=0.95)
+    region = int(model.region_of[model.start])
+    doors = [door for door in model.regions.doorways if region in door.pair]
+    shut = model.with_closed(door.name for door in doors)
+    room = Room.of(shut, regions_of(LOOP), np.flatnonzero(shut.region_of == region)).left_by(doors[0])
+    assert not len(room.beyond)
+    exact = exact_values(shut.world)
+    assert np.isneginf(room.values(exact.shifted, exact.shift, 0.0)).all()
+    with pytest.raises(NoPlanError):
+        qualrl.questions.why(shut)
+
+
+def test_what_is_lost_near_gamma_1_is_told_where_it_is_more_than_values_may_be_off():
+    regions = regions_of(BENT)
+    model = qualrl.build(regions, [1, 1], start=[6, 7], gamma=0.999999, slip=0.001)
+    answer = qualrl.questions.which_matters(model)
+    told = {loss.name: loss.loss for loss in answer.losses if loss.kind == "doorway" and loss.loss is not None}
+    now = exact_values(model.world).value[model.start]
+    assert 0 < answer.off < 1e-3
+    assert min(told.values()) < 1e-3
+    for door in regions.doorways:
+        shut = model.with_closed([door.name])
+        if shut.can_reach[model.start]:
+            lost = now - exact_values(shut.world).value[model.start]
+            assert (door.name in told) == (lost > answer.off)
+            assert told.get(door.name, lost) == pytest.approx(lost, abs=answer.off)
