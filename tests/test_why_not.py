@@ -272,8 +272,40 @@ def test_how_seldom_a_doorway_must_be_open_for_the_way_by_a_stop(start, goal, st
 
 
 def doors_of(way):
-    """The doorways and the goal of a way in JSON, each with where it lies."""
-    return ", ".join(f"{name} {turn}" for name, turn in zip([*way["passes"], "the goal"], way["turns"], strict=True))
+    """The doorways and the goal of a way in JSON, each with where it lies, how far it is and what is passed."""
+    ends = zip([*way["passes"], "the goal"], way["turns"], way["lengths_m"], way["sees"], strict=True)
+    return ", ".join(
+        f"{name} {turn} in {far_m:.2f} m" + (f" past {' and '.join(seen)}" if seen else "")
+        for name, turn, far_m, seen in ends
+    )
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.sampled_from(LOOP_CELLS), st.sampled_from(LOOP_CELLS), st.sampled_from([4, 8]), st.data())
+def test_stretches_add_up_to_the_way_and_landmarks_are_told_where_the_path_comes_by(start, goal, directions, data):
+    assume(start != goal)
+    model = qualrl.build(LOOP_REGIONS, list(goal), start=list(start), gamma=0.9, directions=directions)
+    stop = data.draw(st.sampled_from([mark.name for mark in LOOP_REGIONS.landmarks if mark.kind == "corner"]))
+    try:
+        found = way_by(model, exact_values(model.world), model.start, [stop])
+    except NoPlanError:
+        return
+    way = way_of(model, found.parts, found.shifted, stops=found.stops)
+    assert len(way.lengths_m) == len(way.sees) == len(way.turns) == len(way.passes) + 1
+    assert sum(way.lengths_m) == pytest.approx(way.length_m)
+    path = np.array(
+        [model.cell_of(state) for part in (found.parts[0], *(part[1:] for part in found.parts[1:])) for state in part]
+    )
+    walked = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    ends, marks = np.cumsum((0.0, *way.lengths_m)), {mark.name: mark for mark in LOOP_REGIONS.landmarks}
+    told = [name for names in way.sees for name in names]
+    assert len({*told}) == len(told)
+    for names, low, high in zip(way.sees, ends, ends[1:], strict=False):
+        for name in names:
+            away = np.min([np.hypot(*(path - cell).T) for cell in marks[name].cells], axis=0)
+            near = walked[away <= 1]  # metres, as cells are 1 m
+            assert marks[name].kind != "centre"
+            assert ((near >= low - 1e-9) & (near <= high + 1e-9)).any()
 
 
 def test_a_way_tells_where_to_turn():

@@ -24,7 +24,7 @@ class ThroughWay:
     """A way through a doorway, as it goes when no move slips, and what it is worth when some do."""
 
     parts: tuple[tuple[int, ...], ...]
-    """States up to the first one beyond the doorway, and from there to the goal."""
+    """States up to the first one beyond the doorway, and from there to the goal; or all to the goal in one part."""
     shifted: float
     """That value, shifted as exact values are."""
     slope: Slope
@@ -33,7 +33,7 @@ class ThroughWay:
     @property
     def walk(self) -> tuple[int, ...]:
         """All states, from the start to the goal."""
-        return self.parts[0] + self.parts[1][1:]
+        return self.parts[0] + tuple(state for part in self.parts[1:] for state in part[1:])
 
 
 def way_through(model: HybridMDP, exact: ExactValues, start: int, door: Doorway | None) -> ThroughWay:
@@ -48,8 +48,10 @@ def way_through(model: HybridMDP, exact: ExactValues, start: int, door: Doorway 
     successor[room.inside] = room.of_world
     slope = Slope(world, successor, shifted, exact.shift)
     first = slope.walk(start, np.isin(np.arange(len(model)), room.beyond))
-    rest = [first[-1]] if first[-1] == world.goal else exact_walk(model, exact, first[-1])
-    return ThroughWay((tuple(first), tuple(rest)), float(shifted[start]), slope)
+    parts = [tuple(first)]
+    if door is not None:
+        parts.append(tuple(first[-1:] if first[-1] == world.goal else exact_walk(model, exact, first[-1])))
+    return ThroughWay(tuple(parts), float(shifted[start]), slope)
 
 
 def value_through(

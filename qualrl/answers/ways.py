@@ -1,8 +1,8 @@
 """A way that questions compare: its places and doorways, its length, its value, and its rewards as a formula."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import groupby, zip_longest
+from itertools import groupby, pairwise, zip_longest
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.crossings import door_taken
 from qualrl.planning.legs import legs_of
-from qualrl.planning.on_the_way import SIDES, passages
+from qualrl.planning.on_the_way import SIDES, passages, seen_on_stretches
 from qualrl.planning.planner import length_m
 from qualrl.qualitative.plan_value import Course, course_of
 from qualrl.solving.exact import OFF, off_of
@@ -21,6 +21,8 @@ from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.region_map import RegionMap
 
 SHORTEST_TOLD_M = 0.005
+MOST_SEEN = 3
+"""So many landmarks of a stretch are named in words; JSON has all."""
 LENGTHS = ("shorter", "as long", "longer")
 STEPS = ("fewer steps", "as many steps", "more steps")
 
@@ -71,6 +73,10 @@ class Way:
     turns: tuple[str | None, ...]
     """Where each of ``passes`` lies, and last the goal: the first by the compass, and what comes after a landmark; the
     others against the heading there.  None where there is nothing to walk."""
+    lengths_m: tuple[float, ...]
+    """How far it is to each of these from the one before."""
+    sees: tuple[tuple[str, ...], ...]
+    """The other landmarks that are passed meanwhile."""
     steps: int
     length_m: float
     worth: Worth
@@ -83,12 +89,21 @@ class Way:
 
     def in_words(self, depth: Depth) -> str:
         """Places, length and doorways."""
-        ends = zip((*self.passes, "the goal"), self.turns, strict=True)
-        *doors, goal = (f"{name} {turn}" if turn else name for name, turn in ends)
+        *doors, goal = self._ends(depth)
         length = depth.at_numbers(f"{self.steps} steps, {self.length_m:.2f} m")
         told = " ".join(part for part in (length, f"by {', '.join(doors)}" if doors else "") if part)
         told = ", ".join(part for part in (told, goal if self.turns[-1] else "") if part)
         return " -> ".join(self.places) + (f" ({told})" if told else "")
+
+    def _ends(self, depth: Depth) -> Iterator[str]:
+        """Where each stretch leads, which way one turns for it, how far it is and what is passed."""
+        one = len(self.passes) == 0
+        told = zip((*self.passes, "the goal"), self.turns, self.lengths_m, self.sees, strict=True)
+        for name, turn, far_m, seen in told:
+            others = ["others"] if len(seen) > MOST_SEEN else []
+            past = f" past {' and '.join([*seen[:MOST_SEEN], *others])}" if seen else ""
+            far = "" if one else f" in {far_m:.2f} m"
+            yield (f"{name} {turn}" if turn else name) + depth.at_numbers(far + past)
 
     def with_worth(self, depth: Depth) -> str:
         """The same, and what it is worth."""
@@ -102,7 +117,8 @@ class Way:
         """As JSON."""
         return {
             "places": list(self.places), "doors": list(self.doors), "passes": list(self.passes),
-            "turns": list(self.turns), "steps": self.steps, "length_m": self.length_m,
+            "turns": list(self.turns), "lengths_m": list(self.lengths_m), "sees": [list(names) for names in self.sees],
+            "steps": self.steps, "length_m": self.length_m,
             "value": self.value, "shifted": self.worth.shifted, "shift": self.worth.shift,
             "off": self.worth.off,
         }  # fmt: skip
@@ -128,6 +144,7 @@ def way_of(
         told,
         tuple(doors),
         *_turns(model, regions, parts, stops),
+        *_stretches(model, regions, parts, stops),
         sum(len(part) - 1 for part in parts),
         far_m,
         worth_of(model.grid, shifted, shift),
@@ -155,6 +172,26 @@ def _turns(
         if len(path) > 1:
             come_from = path[-2] if stop is None else None
     return tuple(passes), (*turns, turn)
+
+
+def _stretches(
+    model: HybridMDP, regions: RegionMap, parts: Sequence[Sequence[int]], stops: Sequence[str | None]
+) -> tuple[tuple[float, ...], tuple[tuple[str, ...], ...]]:
+    """``Way.lengths_m`` and ``Way.sees``."""
+    walk, ends, named = [*parts[0][:1]], list[int](), list[str]()
+    for part, stop in zip_longest(parts, stops):
+        before = len(walk) - 1
+        walk += part[1:]
+        for leg in legs_of(model, part)[1:]:
+            ends.append(before + leg.first)
+            named.append(door_taken(model, regions, part[leg.first - 1], part[leg.first]).name)
+        if stop is not None and len(part) > 1:
+            ends.append(len(walk) - 1)
+            named.append(stop)
+    stretches = [*pairwise([0, *ends, len(walk) - 1])]
+    told = [{*pair} for pair in pairwise(["", *named, ""])]
+    lengths = tuple(length_m(model, walk[first : last + 1]) or 0.0 for first, last in stretches)
+    return lengths, tuple(seen_on_stretches(regions, [model.cell_of(state) for state in walk], stretches, told))
 
 
 def course(model: HybridMDP, walk: Sequence[int]) -> Course:

@@ -13,7 +13,7 @@ from qualrl.planning.crossings import doorway_passed
 from qualrl.planning.legs import legs_through
 from qualrl.qualitative.graph import crossings_of
 from qualrl.spatial.occupancy_grid import Cell
-from qualrl.spatial.region_map import RegionMap
+from qualrl.spatial.region_map import CENTRE, RegionMap
 
 REACH_M = 1.0
 """A landmark is passed where the route comes as near to it (or as near as one cell)."""
@@ -134,6 +134,22 @@ def landmarks_passed(regions: RegionMap, path: Sequence[Cell], ends: tuple[str, 
             found.append(Mark(landmark.name, landmark.kind, int(steps[away.argmin()])))
     order = dict(zip(ENDS, (0, 2), strict=True))
     return QuantitySpace(tuple(sorted(found, key=lambda mark: (mark.step, order.get(mark.kind, 1)))))
+
+
+def seen_on_stretches(
+    regions: RegionMap, path: Sequence[Cell], stretches: Sequence[tuple[int, int]], told: Sequence[set[str]]
+) -> list[tuple[str, ...]]:
+    """The landmarks to be seen on each stretch of a path, by its first and last step; none again, and no centre.
+
+    told: what is named anyway where a stretch begins and ends.
+    """
+    marks = [mark for mark in landmarks_passed(regions, path, ENDS).marks if mark.kind not in (*ENDS, CENTRE)]
+    found, known = list[tuple[str, ...]](), set[str]()
+    for (first, last), named in zip(stretches, told, strict=True):
+        seen = [mark.name for mark in marks if first <= mark.step <= last]
+        found.append(tuple(name for name in dict.fromkeys(seen) if name not in named | known))
+        known |= named | {*found[-1]}
+    return found
 
 
 def _crossing(regions: RegionMap, here: Cell, there: Cell) -> tuple[str, Heading]:

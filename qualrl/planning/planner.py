@@ -13,13 +13,13 @@ from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.choices import Choice, Chooser
 from qualrl.planning.crossings import door_taken
 from qualrl.planning.legs import Leg, legs_of
-from qualrl.planning.on_the_way import landmarks_passed, passages
+from qualrl.planning.on_the_way import passages, seen_on_stretches
 from qualrl.planning.plan import Plan, Step
 from qualrl.planning.values import PlanValues, exact_plan_values, learned_plan_values
 from qualrl.solving.exact import ExactValues, crossings_to_goal, exact_values, off_of
 from qualrl.solving.policy import ActionValues, greedy_walk
 from qualrl.spatial.occupancy_grid import Cell
-from qualrl.spatial.region_map import CENTRE, Doorway, RegionMap
+from qualrl.spatial.region_map import Doorway, RegionMap
 
 TOO_NEAR = 1e-9
 """Nearer to 1 a gamma leaves no digits for a step."""
@@ -135,15 +135,13 @@ def _plan(model: HybridMDP, walk: list[int], values: PlanValues, names: tuple[st
 
 def _as_walked(regions: RegionMap, steps: Sequence[Step], legs: Sequence[Leg], path: Sequence[Cell]) -> list[Step]:
     """The steps with what a walker needs to know: where to turn, and what there is to see on the way."""
-    marks = landmarks_passed(regions, path, ("", "")).marks[1:-1]
-    found, known = list[Step](), set[str]()
-    for step, passage, leg in zip(steps, passages(regions, path), legs, strict=True):
-        doors = {door for door in (passage.entered_by, passage.left_by) if door is not None}
-        seen = [mark.name for mark in marks if leg.first <= mark.step <= leg.last and mark.kind != CENTRE]
-        passed = tuple(name for name in seen if name not in doors | known)
-        known |= doors | set(passed)
-        found.append(replace(step, side=passage.side, compass=passage.compass, passes=passed))
-    return found
+    walked = passages(regions, path)
+    doors = [{door for door in (passage.entered_by, passage.left_by) if door is not None} for passage in walked]
+    seen = seen_on_stretches(regions, path, [(leg.first, leg.last) for leg in legs], doors)
+    return [
+        replace(step, side=passage.side, compass=passage.compass, passes=passed)
+        for step, passage, passed in zip(steps, walked, seen, strict=True)
+    ]
 
 
 def length_m(model: HybridMDP, walk: Sequence[int]) -> float | None:
