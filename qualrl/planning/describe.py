@@ -50,7 +50,9 @@ class Walk:
 
     def _told(self, at: Passage) -> str:
         to = at.left_by or "the goal"
-        where = f"{to} lies {SIDES[at.side]}" if at.side else f"go {f'{at.compass} ' if at.compass else ''}to {to}"
+        go = f"go {at.compass}" if at.compass else "go"
+        on = f"{go} through {to}" if at.left_by else f"{go} to {to}"
+        where = f"{to} lies {SIDES[at.side]}" if at.side else on
         turn = f"; through it, {TURNS[at.turn]} compared with how you came in" if at.turn else ""
         return f"{where}, {self._far(at.steps)}{turn}"
 
