@@ -254,7 +254,7 @@ class _Search:
         return sorted(found)
 
     def _none_to_spare(self, closed: Doors | None = None) -> Doors:
-        """A set that would do (by default all doorways but those between expected places), less what can be left out."""
+        """A set that would do, by default all doorways but those between expected places, less what can be left out."""
         assert self.model.regions is not None
         if closed is None:
             closed = frozenset(door.name for door in self.model.regions.doorways)
