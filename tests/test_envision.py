@@ -1,6 +1,7 @@
 """What may happen on the way: against plans from every cell, and against chances carried on step by step."""
 
 import json
+from itertools import product
 
 import networkx as nx
 import numpy as np
@@ -21,6 +22,7 @@ from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
 from tests.test_planning import LOOP
 from tests.test_robust import RING
+from tests.test_robust_slip import values_of
 from tests.test_what_if import crossed
 from tests.worlds import grid_of
 
@@ -38,13 +40,13 @@ def cells_of(model, state):
     return sorted({int(model.grid.state_of[pair[side]]) for pair in crossings_of(REGIONS, REGIONS.doorways[door])})
 
 
-def chances_step_by_step(model, moves, state):
+def chances_step_by_step(model, moves, state, regions=REGIONS):
     """Probability to leave a state's region by each doorway (GOAL: to end in it), carried on until nothing is left."""
     world, region = model.grid, int(model.region_of[state])
     door_of = {
         frozenset(int(world.state_of[cell]) for cell in pair): at
-        for at, door in enumerate(REGIONS.doorways)
-        for pair in crossings_of(REGIONS, door)
+        for at, door in enumerate(regions.doorways)
+        for pair in crossings_of(regions, door)
     }
     at, found = np.zeros(len(world)), {}
     at[state] = 1.0
@@ -164,6 +166,38 @@ def test_of_two_ways_that_are_as_good_neither_is_sure():
     assert all((course.least, course.most) == (0.0, 1.0) for course in answer.courses)
     assert "surely" not in answer.explain().splitlines()[1]
     assert "certain" not in answer.explain("signs").splitlines()[1]
+
+
+@pytest.mark.parametrize("slip", [0.1, 0.3])
+def test_where_moves_slip_all_moves_that_are_as_good_are_branches(slip):
+    """A map like its mirror image along the diagonal: against every choice among moves that are as good."""
+    free = np.zeros((11, 11), bool)
+    free[1:10, 1:10] = True
+    free[5, :] = free[:, 5] = False
+    for ends in ((2, 5), (5, 2), (8, 5), (5, 8)):
+        free[ends] = True
+    regions = qualrl.segment(qualrl.OccupancyGrid.from_free(free))
+    model = qualrl.build(regions, [9, 9], start=[1, 1], gamma=0.95, slip=slip)
+    world, home = model.grid, model.region_of[model.start]
+    value = values_of(world, [slip], np.min)
+    worth = np.where(world.successor == world.goal, world.goal_reward, -1 + world.gamma * value[world.successor])
+    worth = (1 - slip) * worth + slip * (worth.sum(axis=1, keepdims=True) - worth) / 3
+    good = worth >= worth.max(axis=1, keepdims=True) - 1e-9
+    inside = [state for state in range(len(model)) if model.region_of[state] == home]
+    assert 2 <= sum(good[state].sum() > 1 for state in inside) <= 8
+    found = []
+    for moves in product(*(np.flatnonzero(good[state]) for state in inside)):
+        chosen = dict(zip(inside, moves, strict=True))
+        found.append(chances_step_by_step(model, chosen, model.start, regions))
+    answer = qualrl.questions.envision(model)
+    for branch in answer.branches[int(home), START]:
+        each = [of[branch.to[1]] for of in found]
+        assert branch.least == pytest.approx(min(each), abs=1e-7)
+        assert branch.most == pytest.approx(max(each), abs=1e-7)
+        assert branch.most - branch.least > 0.1
+    assert len(answer.branches[int(home), START]) == 2
+    one, other = answer.branches[int(home), START]
+    assert (one.least, one.most) == pytest.approx((other.least, other.most))
 
 
 @settings(deadline=None, max_examples=25)

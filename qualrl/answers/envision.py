@@ -1,14 +1,15 @@
 """What may happen under the best policy, region by region: the attainable qualitative states and their branches.
 
 A qualitative state is a region and the doorway by which it was entered.  Which doorway it is left by may hang on the
-cell where one comes in, on which of several ways that are as good is taken, and where moves slip on chance: so a branch
-has a least and a greatest probability over those cells and ways, and it is shown as long as it is possible.  (Where
-moves slip, of moves that are as good the first is made.)  The next state is left open to no more than that: bounds of a
-course of states multiply.
+cell where one comes in, on which of several moves that are as good is made, and where moves slip on chance: so a branch
+has a least and a greatest probability over those cells and moves, and it is shown as long as it is possible.  (Where
+moves slip and all those moves aim at one doorway, the first of them are made.)  The next state is left open to no more
+than that: bounds of a course of states multiply.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,13 +20,13 @@ from scipy.sparse.linalg import splu
 
 from qualrl.answers.answer import SELDOM, Answer, likelihood
 from qualrl.answers.depth import Depth
-from qualrl.answers.policy import best_policy
+from qualrl.answers.policy import moves_as_good
 from qualrl.errors import NoPlanError, SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.crossings import doors_passed
-from qualrl.planning.exits import GOAL_HERE, ExitsAsGood, exits
+from qualrl.planning.exits import GOAL_HERE, ExitsAsGood, best_moves, exits
 from qualrl.qualitative.graph import crossings_of
-from qualrl.solving.exact import ExactValues, exact_values
+from qualrl.solving.exact import ExactValues, crossings_to_goal, exact_values
 from qualrl.spatial.region_map import RegionMap
 
 GOAL = GOAL_HERE
@@ -37,6 +38,8 @@ NEGLIGIBLE = 1e-12
 Branches below ``SELDOM`` are put in words by their number; JSON has them."""
 LEAST, MOST = float(np.finfo(float).smallest_normal), 1 - float(np.finfo(float).epsneg)
 """Probabilities that are neither 0 nor 1, by the graph of moves, are not rounded to that either."""
+ALIKE_CHANCES = 1e-11
+"""Probabilities that differ by less may be the same."""
 MOST_COURSES = 5
 """So many courses are put in words."""
 LONGEST_SEARCH = 100_000
@@ -44,6 +47,8 @@ LONGEST_SEARCH = 100_000
 MOST_CELLS = 300_000
 """Of a region whose equations are solved: some gigabytes."""
 
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
 State = tuple[int, int]
 """A region, and the doorway it was entered by."""
 
@@ -188,19 +193,21 @@ class _Leaving:
 
     def __init__(self, model: HybridMDP, regions: RegionMap, exact: ExactValues) -> None:
         self.model, self.regions = model, regions
-        self.known: dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
+        self.known: dict[int, _Region] = {}
         if model.grid.slip > 0:
-            self.moves = best_policy(model, exact)
+            self.good = moves_as_good(model, exact)
+            moves = np.packbits(self.good, axis=1, bitorder="little")[:, 0]
         else:
-            self.exits, self.as_good = exits(model, regions, exact), ExitsAsGood(model, regions, exact)
+            self.exits = exits(model, regions, exact)
+            moves = best_moves(model, exact, crossings_to_goal(model.grid, exact, model.region_of))
+        self.as_good = ExitsAsGood(model, regions, moves)
 
     def branches(self, region: int, cells: NDArray[np.int64]) -> tuple[Branch, ...]:
         """The ways on from some cells of a region."""
-        doors, chances = self._chances(region, cells)
         found = []
-        for door, chance in zip(doors.tolist(), chances.T, strict=True):
-            if chance.max() > NEGLIGIBLE:
-                found.append(self._branch(region, door, float(chance.min()), float(chance.max())))
+        for door, least, most in zip(*(of.tolist() for of in self._chances(region, cells)), strict=True):
+            if most > NEGLIGIBLE:
+                found.append(self._branch(region, door, least, most))
         return tuple(sorted(found, key=lambda branch: (-branch.most, branch.door or "")))
 
     def _branch(self, region: int, door: int, least: float, most: float) -> Branch:
@@ -217,56 +224,120 @@ class _Leaving:
         world = self.model.grid
         return np.array(sorted({int(world.state_of[ends[side]]) for ends in crossings_of(self.regions, of)}), np.int64)
 
-    def _chances(self, region: int, cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Doorways (D,), and (n, D) probabilities to leave by each that are possible, from each cell or by each way."""
+    def _chances(self, region: int, cells: Ints) -> tuple[Ints, Floats, Floats]:
+        """(D,) doorways by which it is possible to leave from some cells, the least and the greatest probability."""
+        if self.model.grid.slip == 0 and (self.exits[cells] < GOAL).any():
+            raise NoPlanError(f"gamma {self.model.gamma} fades to nothing on the way; choose gamma nearer to 1")
+        ways = np.array(sorted(self.as_good.of(cells)), np.int64)
         if self.model.grid.slip == 0:
-            if (self.exits[cells] < GOAL).any():
-                raise NoPlanError(f"gamma {self.model.gamma} fades to nothing on the way; choose gamma nearer to 1")
-            ways = np.array(sorted(self.as_good.of(cells)), np.int64)
-            return ways, np.ones((1, 1)) if len(ways) == 1 else np.array([[0.0], [1.0]]).repeat(len(ways), axis=1)
+            return ways, np.full(len(ways), float(len(ways) == 1)), np.ones(len(ways))
         if region not in self.known:
-            self.known[region] = self._solved(region)
-        doors, chances = self.known[region]
-        inside = np.flatnonzero(self.model.region_of == region)
-        return doors, chances[np.searchsorted(inside, cells)]
+            self.known[region] = self._region(region)
+        known = self.known[region]
+        least, most = known.bounds if len(ways) > 1 else (known.chances, known.chances)
+        rows = np.searchsorted(np.flatnonzero(self.model.region_of == region), cells)
+        return known.doors, known.sure(least, rows).min(axis=0), known.sure(most, rows).max(axis=0)
 
-    def _solved(self, region: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Of all cells of a region, by one sparse solve: h = P h + what leaves at once.
-
-        A robot that may slip can get to any cell that it can walk to, so that what is possible is told by the graph.
-        """
-        model, world = self.model, self.model.grid
+    def _region(self, region: int) -> "_Region":
+        model = self.model
         inside = np.flatnonzero(model.region_of == region)
         if len(inside) > MOST_CELLS:
             raise SettingError(
                 f"{model.region_names[region]} has {len(inside)} cells, more than the {MOST_CELLS} that chances are "
                 "solved for where moves slip"
             )
-        chance = np.full((world.n_actions, world.n_actions), world.slip / (world.n_actions - 1))
-        np.fill_diagonal(chance, 1.0 - world.slip)
-        chances, ends = chance[self.moves[inside]], world.successor[inside].astype(np.int64)
-        over = inside == world.goal
-        chances[over] = 0.0
-        row = np.broadcast_to(np.arange(len(inside))[:, None], ends.shape)
-        stays = (model.region_of[ends] == region) & (ends != world.goal)
-        n = len(inside)
-        within = csc_array((chances[stays], (row[stays], np.searchsorted(inside, ends[stays]))), shape=(n, n))
+        return _Region(model, self.regions, inside, self.good[inside])
+
+
+class _Region:
+    """How the n cells of a region are left, whichever of the moves that are as good is made in each.
+
+    A moves, as many places that one may lead to, D doorways or GOAL.
+    """
+
+    def __init__(self, model: HybridMDP, regions: RegionMap, inside: Ints, good: NDArray[np.bool_]) -> None:
+        world, ends = model.grid, model.grid.successor[inside].astype(np.int64)
+        self.good, self.first = good, good.argmax(axis=1)
+        self.chance = np.full((world.n_actions, world.n_actions), world.slip / (world.n_actions - 1))
+        np.fill_diagonal(self.chance, 1.0 - world.slip)
+        self.ended = inside == world.goal
+        out = model.region_of[ends] != model.region_of[inside[0]]
+        self.stays = ~out & (ends != world.goal)
+        self.number = np.searchsorted(inside, np.where(self.stays, ends, inside[0]))
+        self.row = np.broadcast_to(np.arange(len(inside))[:, None], ends.shape)
         door = np.full(ends.shape, GOAL, np.int64)
-        out = ~stays & (model.region_of[ends] != region)
         if out.any():
-            door[out] = doors_passed(model, self.regions, inside[row[out]], ends[out])
-        doors = np.unique(np.append(door[~stays], GOAL))
-        at_once = np.zeros((n, len(doors)))
-        np.add.at(at_once, (row[~stays], np.searchsorted(doors, door[~stays])), chances[~stays])
-        solved = splu((eye_array(n, format="csc") - within).tocsc()).solve(at_once)
-        _, part = connected_components(within)
-        ways = np.zeros((part.max() + 1, len(doors)), np.bool_)
-        np.logical_or.at(ways, part, at_once > 0)
-        possible = ways[part]
-        solved = np.where(possible, np.clip(solved, LEAST, MOST), 0.0)
-        solved[possible & (possible.sum(axis=1, keepdims=True) == 1)] = 1.0
-        solved[over] = doors == GOAL
-        return doors, solved
+            door[out] = doors_passed(model, regions, inside[self.row[out]], ends[out])
+        self.doors = np.unique(np.append(door[~self.stays], GOAL))
+        self.door = np.searchsorted(self.doors, door)
+
+    def _chances(self, moves: Ints) -> Floats:
+        """(n, A) where moves (n,) lead to; from the goal nowhere."""
+        return np.where(self.ended[:, None], 0.0, self.chance[moves])
+
+    def within(self, moves: Ints) -> csc_array:
+        """(n, n) from cell to cell."""
+        n, chances = len(self.good), self._chances(moves)
+        return csc_array((chances[self.stays], (self.row[self.stays], self.number[self.stays])), shape=(n, n))
+
+    def at_once(self, moves: Ints) -> Floats:
+        """(n, D) by the next move."""
+        found, chances = np.zeros((len(self.good), len(self.doors))), self._chances(moves)
+        np.add.at(found, (self.row[~self.stays], self.door[~self.stays]), chances[~self.stays])
+        return found
+
+    @cached_property
+    def possible(self) -> NDArray[np.bool_]:
+        """(n, D) which doorways it is possible to leave by.
+
+        A robot that may slip can get to any cell that it can walk to, so that the graph tells.
+        """
+        _, part = connected_components(self.within(self.first))
+        ways = np.zeros((part.max() + 1, len(self.doors)), np.bool_)
+        np.logical_or.at(ways, part, self.at_once(self.first) > 0)
+        found: NDArray[np.bool_] = ways[part]
+        return found
+
+    def sure(self, chances: Floats, rows: Ints) -> Floats:
+        """Chances (n, D) of some cells (N,), which are 0 or 1 where the graph makes them so, and nowhere else."""
+        possible = self.possible[rows]
+        found = np.where(possible, np.clip(chances[rows], LEAST, MOST), 0.0)
+        found[possible & (possible.sum(axis=1, keepdims=True) == 1)] = 1.0
+        found[self.ended[rows]] = self.doors == GOAL
+        return found
+
+    def left(self, moves: Ints, door: int | None = None) -> Floats:
+        """(n, D) by each doorway in the end, or (n,) by one: a sparse solve of h = P h + what leaves at once."""
+        equations = (eye_array(len(self.good), format="csc") - self.within(moves)).tocsc()
+        at_once = self.at_once(moves)
+        solved: Floats = splu(equations, permc_spec="MMD_AT_PLUS_A").solve(
+            at_once if door is None else np.ascontiguousarray(at_once[:, door])
+        )
+        return solved
+
+    @cached_property
+    def chances(self) -> Floats:
+        """(n, D) of leaving by each doorway, of moves that are as good the first ones made."""
+        return self.left(self.first)
+
+    @cached_property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """The least and the greatest, whichever of them are made."""
+        ends = [[self._extreme(door, sign) for door in range(len(self.doors))] for sign in (-1, 1)]
+        return np.stack(ends[0], axis=1), np.stack(ends[1], axis=1)
+
+    def _extreme(self, door: int, sign: int) -> Floats:
+        """(n,) the greatest chance (sign 1) or the least (-1) of one doorway, by policy iteration."""
+        moves, found = self.first, self.chances[:, door]
+        while True:
+            ends = np.where(self.stays, found[self.number], self.door == door)
+            worth = np.where(self.good, sign * (ends @ self.chance.T), -np.inf)
+            own = np.take_along_axis(worth, moves[:, None], axis=1)[:, 0]
+            better = (worth.max(axis=1) > own + ALIKE_CHANCES) & ~self.ended
+            if not better.any():
+                return found
+            moves = np.where(better, worth.argmax(axis=1), moves)
+            found = self.left(moves, door)
 
 
 def _courses(branches: dict[State, tuple[Branch, ...]], first: State) -> tuple[tuple[Course, ...], bool]:

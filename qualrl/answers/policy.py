@@ -1,11 +1,12 @@
-"""A best move for every state at once."""
+"""Best moves for every state at once."""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.answers.ways import OFF_SLIPPING
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.exits import best_moves
-from qualrl.solving.exact import ExactValues, crossings_to_goal
+from qualrl.solving.exact import ExactValues, all_action_values, crossings_to_goal
 
 
 def best_policy(model: HybridMDP, exact: ExactValues) -> NDArray[np.int64]:
@@ -14,3 +15,14 @@ def best_policy(model: HybridMDP, exact: ExactValues) -> NDArray[np.int64]:
     bits = np.unpackbits(good[:, None], axis=1, bitorder="little")
     first: NDArray[np.int64] = bits.argmax(axis=1).astype(np.int64)
     return first
+
+
+def moves_as_good(model: HybridMDP, exact: ExactValues) -> NDArray[np.bool_]:
+    """(S, A) moves that may be as good as any, as far as settled values tell, and lead to as few borders ahead."""
+    worth = all_action_values(model.grid, exact.shifted, exact.shift)
+    best = worth.max(axis=1, keepdims=True)
+    good = worth >= best - OFF_SLIPPING * np.abs(best)
+    borders = crossings_to_goal(model.grid, exact, model.region_of)[model.grid.successor]
+    fewest = np.where(good, borders, np.iinfo(borders.dtype).max).min(axis=1, keepdims=True)
+    found: NDArray[np.bool_] = good & (borders == fewest)
+    return found

@@ -10,6 +10,7 @@ reached are tried, and the plan that is best is told by the regions that it pass
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -189,27 +190,56 @@ class _Search:
 
     def closings(self) -> tuple[Doors, bool]:
         """A set of doorways whose closing makes the expected plan best, and whether it is known to be smallest."""
-        size = 0
-        while not self.is_over:
-            for closed in self._of_size(frozenset(), size):
-                if self.is_best(closed):
-                    return closed, True
-                if self.is_over:
-                    break
-            size += 1
-        return self._none_to_spare(), False
+        found = self._smallest(beside=False)
+        if not self.slips:
+            return (self._none_to_spare(), False) if found is None else (found, True)
+        found = self._none_to_spare(found)
+        if not self._can_try_all_below(len(found)):
+            return found, len(found) < 2  # none at all would not do, it was tried first
+        smaller = self._smallest(beside=True, below=len(found))
+        return (found, not self.is_over) if smaller is None else (smaller, True)
 
-    def _of_size(self, closed: Doors, size: int) -> Iterator[Doors]:
-        """Sets of some more doorways, each of them on the best way that is left by those before it."""
+    def _smallest(self, beside: bool, below: int | None = None) -> Doors | None:
+        """The first set that would do, by size; None where there is none below some size, or enough was tried.
+
+        beside: whether doorways beside the way are closed, too.
+        """
+        size = 0
+        while not self.is_over and size != below:
+            is_last = True
+            for closed in self._of_size(frozenset(), size, beside):
+                is_last = False
+                if self.is_best(closed):
+                    return closed
+                if self.is_over:
+                    return None
+            if is_last:
+                return None
+            size += 1
+        return None
+
+    def _of_size(self, closed: Doors, size: int, beside: bool) -> Iterator[Doors]:
+        """Sets of some more doorways, each of them on the best way that is left by those before it, or beside it."""
         if size == 0:
             yield closed
             return
         way = self.way(closed)
         if way is None or self.is_best(closed):
             return
-        for door in dict.fromkeys((*sorted(set(way.doors)), *(self._reached(closed) if self.slips else ()))):
-            if self.slips or self.own(closed | {door}) is not None:
-                yield from self._of_size(closed | {door}, size - 1)
+        for door in dict.fromkeys((*sorted(set(way.doors)), *(self._reached(closed) if beside else ()))):
+            if beside or self._is_left(closed | {door}):
+                yield from self._of_size(closed | {door}, size - 1, beside)
+
+    def _is_left(self, closed: Doors) -> bool:
+        """Whether the expected places still follow each other."""
+        if not self.slips:
+            return self.own(closed) is not None
+        return all(_doors_between(self.model, [pair]) - closed for pair in pairwise(self.expected))
+
+    def _can_try_all_below(self, size: int) -> bool:
+        """Whether sets of fewer doorways are few enough to try them all."""
+        doors = len(self._reached(frozenset()))
+        return sum(comb(doors, fewer) for fewer in range(size)) <= MOST_SOLVED_SLIPPING
 
     def _reached(self, closed: Doors) -> list[str]:
         """The open doorways to which moves may lead."""
@@ -223,11 +253,12 @@ class _Search:
                 found.append(door.name)
         return sorted(found)
 
-    def _none_to_spare(self) -> Doors:
-        """All doorways but those between expected places, less each that can be left out."""
+    def _none_to_spare(self, closed: Doors | None = None) -> Doors:
+        """A set that would do, by default all doorways but those between expected places, less what can be left out."""
         assert self.model.regions is not None
-        closed = frozenset(door.name for door in self.model.regions.doorways)
-        closed -= _doors_between(self.model, pairwise(self.expected))
+        if closed is None:
+            closed = frozenset(door.name for door in self.model.regions.doorways)
+            closed -= _doors_between(self.model, pairwise(self.expected))
         spared = True
         while spared:  # one that is left out may make another needless, where moves slip
             spared = False

@@ -179,17 +179,22 @@ class _Search:
                 self.parts.append((low, high, relations))
                 continue
             middle = (low + high) / 2
+            asked = {name for pair, of in relations.items() if of == UNDECIDED for name in pair}
+            doors = [door for door in self.doors if door.name in asked]
             for half in ((low, middle), (middle, high)):
                 self.solved += 1
-                found = self._relations(_bounds(self.model, self.start, self.doors, *half))
+                found = self._relations(_bounds(self.model, self.start, doors, *half))
                 known = {pair: found[pair] if of == UNDECIDED else of for pair, of in relations.items()}
                 waiting.append((*half, known))
         self.parts.sort(key=lambda part: part[0])
         return {pair: self._joined(pair) for pair in self.pairs}
 
     def _relations(self, bounds: Bounds) -> dict[tuple[str, str], str]:
+        """Of pairs of which both have bounds."""
         found = {}
         for one, other in self.pairs:
+            if one not in bounds or other not in bounds:
+                continue
             (low, high), (other_low, other_high) = bounds[one], bounds[other]
             found[one, other] = BETTER if low > other_high else WORSE if high < other_low else UNDECIDED
         return found

@@ -45,14 +45,12 @@ def exits(model: HybridMDP, regions: RegionMap, exact: ExactValues) -> NDArray[n
 
 
 class ExitsAsGood:
-    """By which doorways a region may be left, whichever of the moves that are as good are made.
+    """By which doorways a region may be left if no move slips, whichever of the moves that are as good are made."""
 
-    As good: worth as much, and leading to states with as few borders ahead, as in ``exits``.
-    """
-
-    def __init__(self, model: HybridMDP, regions: RegionMap, exact: ExactValues) -> None:
-        self.model, self.door_of = model, doors_of_moves(model, regions, np.arange(len(model))).ravel()
-        self.moves = best_moves(model, exact, crossings_to_goal(model.grid, exact, model.region_of))
+    def __init__(self, model: HybridMDP, regions: RegionMap, moves: NDArray[np.uint8]) -> None:
+        """Moves (S,): a bit for each that is as good as any, see ``best_moves``."""
+        self.model, self.moves = model, moves
+        self.door_of = doors_of_moves(model, regions, np.arange(len(model))).ravel()
 
     def of(self, cells: NDArray[np.int64]) -> set[int]:
         """Doorways for a region's states (N,), all together; GOAL_HERE for the goal.  None of them may be astray."""

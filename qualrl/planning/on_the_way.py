@@ -40,8 +40,8 @@ class Passage:
     """The doorway; None where the route ends."""
     side: str | None
     """Where the way out (or the goal) lies from where one comes in, against the heading there: "left", "right",
-    "straight" or "back"; if one comes in and goes out at one cell, the same as ``turn``.  None where the route starts,
-    and where it ends in the cell where one comes in."""
+    "straight" or "back"; if one comes in and goes out at one cell, the same as ``turn``; of the doorway that one came
+    in by, always "back".  None where the route starts, and where it ends in the cell where one comes in."""
     turn: str | None
     """The heading out against the heading in, in the same words; None where the route starts or ends."""
     compass: str | None
@@ -171,6 +171,8 @@ def _passage(
     across = (last[0] - first[0], last[1] - first[1])
     turn = turned(way_in[1], way_out[1]) if way_in and way_out else None
     side = turned(way_in[1], across) if way_in and any(across) else turn
+    if way_in and way_out and way_in[0] == way_out[0]:
+        side = "back"
     toward = _compass(regions, first, path[-1]) if way_in is None and steps else None
     return Passage(region, way_in and way_in[0], way_out and way_out[0], side, turn, toward, steps)
 

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import breadth_first_order
 from qualrl.kernels import bellman
 from qualrl.models.grid_world import GridWorld
 from qualrl.solving.crossings import Crossings
-from qualrl.solving.exact import TOLERANCE, ExactValues, World, shifted_rewards, swept
+from qualrl.solving.exact import FLOOR, TOLERANCE, ExactValues, World, shifted_rewards, swept
 
 Policy = NDArray[np.int16]
 """(n,) action in each state of a part."""
@@ -76,7 +76,7 @@ class Part:
         swept(
             n, bellman.solve_table,
             self.row_start, self.local, self.probability, reward, terminal, gamma, self._outward(exit_index), value,
-            self.world.n_actions, TOLERANCE,
+            self.world.n_actions, TOLERANCE, FLOOR,
         )  # fmt: skip
         q = np.add.reduceat(self.probability * (reward + gamma * value[self.local]), self.row_start[:-1])
         found: Policy = q.reshape(n, -1).argmax(axis=1).astype(np.int16)
