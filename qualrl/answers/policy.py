@@ -3,10 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.answers.ways import OFF_SLIPPING
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.exits import best_moves
-from qualrl.solving.exact import ExactValues, all_action_values, crossings_to_goal
+from qualrl.solving.exact import OFF_SLIPPING, ExactValues, all_action_values, crossings_to_goal
 
 
 def best_policy(model: HybridMDP, exact: ExactValues) -> NDArray[np.int64]:
