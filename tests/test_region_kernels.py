@@ -16,9 +16,23 @@ from qualrl.kernels.instructions import prefetch, trailing_zeros
 from qualrl.spatial.distance import distance_within, thickness_over
 from tests import oracles_regions
 
+
+def _free_but(shape, cells):
+    """All cells free but some, where they lie on the map."""
+    free = np.ones(shape, np.bool_)
+    for row, column in cells:
+        free[row % shape[0], column % shape[1]] = False
+    return free
+
+
 SHAPES = st.shared(st.tuples(st.integers(1, 8), st.integers(1, 8)), key="shape")
 LABELS = arrays(np.int32, SHAPES, elements=st.integers(-1, 3))
 FLAGS = arrays(np.bool_, SHAPES)
+MOSTLY_FREE = st.builds(
+    _free_but,
+    st.tuples(st.integers(1, 30), st.integers(1, 30)),
+    st.lists(st.tuples(st.integers(0, 29), st.integers(0, 29)), max_size=5),
+)
 WIDTHS = arrays(np.float32, SHAPES, elements=st.sampled_from([0, 0.5, 1, 1.125, 2, 2.5, 3]))
 
 
@@ -219,14 +233,39 @@ def test_free_cells_are_listed_row_by_row(free):
     np.testing.assert_array_equal(found, np.argwhere(free))
 
 
-def test_scratch_memory_is_used_again_while_someone_wants_it_and_no_longer():
+def test_memory_is_used_again_when_nothing_looks_at_it_and_someone_wants_it():
     with scratch.kept_for_reuse():
-        with scratch.scratch(100) as first, scratch.scratch(100) as other:
-            assert not np.shares_memory(first, other)
-        with scratch.scratch(50) as again:
-            assert again.size == 50
-            assert np.shares_memory(again, first) or np.shares_memory(again, other)
-        with scratch.scratch(1000) as larger:
-            assert larger.size == 1000
-    with scratch.scratch(50) as fresh:
-        assert not any(np.shares_memory(fresh, block) for block in (first, other, larger))
+        first, other = scratch.borrowed((10, 10), np.int32), scratch.borrowed(100, np.int32)
+        assert not np.shares_memory(first, other)
+        place, view = first.ctypes.data, first.view(np.uint16)[2:, ::-1]
+        del first
+        watched = scratch.borrowed(100, np.int32)
+        assert watched.ctypes.data != place, "a view still looks at it"
+        del view
+        larger, small = scratch.borrowed((5, 13), np.float64), scratch.borrowed(120, np.bool_)
+        assert (larger.shape, larger.dtype) == ((5, 13), np.float64)
+        assert larger.ctypes.data != place, "it is too small"
+        assert small.ctypes.data != place, "it is far too large"
+        again = scratch.borrowed(300, np.uint8)
+        assert again.ctypes.data == place
+        del again
+    assert not scratch._KEPT.free
+    del larger
+    assert not scratch._KEPT.free
+
+
+@settings(deadline=None, max_examples=300)
+@given(arrays(np.bool_, st.tuples(st.integers(1, 12), st.integers(1, 12))) | MOSTLY_FREE, st.integers(1, 3))
+def test_distances_are_those_to_the_nearest_cell_in_any_number_of_bands(free, bands):
+    with patch.object(banding, "LEAST_CELLS", 1), patch.object(banding, "processors", lambda: bands):
+        found = distance_within(free)
+    assert found.dtype == np.float32
+    np.testing.assert_array_equal(found, oracles_regions.distances(free))
+
+
+def test_distances_along_a_side_of_more_cells_than_16_bits_count_are_exact():
+    free = np.ones((1, 70_000), np.bool_)
+    free[0, 3] = False
+    expected = abs(np.arange(70_000) - 3).astype(np.float32)
+    np.testing.assert_array_equal(distance_within(free)[0], expected)
+    np.testing.assert_array_equal(distance_within(free.T)[:, 0], expected)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels.jit import compiled, compiled_bare, compiled_part
+from qualrl.kernels.scratch import borrowed
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -143,7 +144,7 @@ def renumber(label: Ints, number: Ints) -> Ints:
 
 def only(label: Ints, kept: NDArray[np.bool_], depth: Floats) -> Ints:
     """(H, W) the labels (H, W) that are kept (count,), where the depth (H, W) is above 0; -1 elsewhere."""
-    found = np.empty_like(label)
+    found = borrowed(label.shape, np.int32)
     _write_only(label, kept, depth, found)
     return found
 

@@ -14,7 +14,7 @@ from qualrl.kernels.bands import in_bands
 from qualrl.kernels.bonds import Bonds, append, find, tidy
 from qualrl.kernels.instructions import AHEAD, ask_around, prefetch
 from qualrl.kernels.jit import compiled, compiled_bare, compiled_part
-from qualrl.kernels.scratch import scratch
+from qualrl.kernels.scratch import borrowed
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -87,7 +87,8 @@ def _numbered(forest: Ints) -> int:
 
 def pieces(label: Any) -> tuple[Ints, int]:
     """4-connected pieces of equal label: (H, W) int32 piece of each cell, -1 where label is; and their number."""
-    forest = np.full(label.shape, NO_SET)
+    forest = borrowed(label.shape, np.int32)
+    forest.fill(NO_SET)
     return forest, _unite_pieces(label.ravel(), label.shape[1], forest.ravel())
 
 
@@ -113,8 +114,8 @@ def number_rest(label: Ints, mask: Flags) -> Ints:
     """Number the 4-connected pieces of the mask (H, W) where no label is, after the last label and in the order of
     their first cell; the label image (H, W), -1 for none, is updated.
     """
-    with scratch(label.size) as waiting:
-        _number_rest(label.ravel(), mask.ravel(), label.shape[1], int(label.max()) + 1, waiting)
+    waiting = borrowed(label.size, np.int32)
+    _number_rest(label.ravel(), mask.ravel(), label.shape[1], int(label.max()) + 1, waiting)
     return label
 
 
@@ -148,11 +149,11 @@ def thick_first(thickness: Floats, distance: Floats) -> Ints:
     from what is not free, then by position; widths in whole sixteenths of a cell, up to 4095 cells.
     """
     first, second = distance.ravel(), thickness.ravel()
-    order = np.empty(np.count_nonzero(first > 0), np.int32)
+    order = borrowed(int(np.count_nonzero(first)), np.int32)
     _write_positive(first, order)
-    with scratch(order.size) as sorted_by_first:
-        _write_sorted(order, first, np.zeros(65536, np.int64), sorted_by_first)
-        _write_sorted(sorted_by_first, second, np.zeros(65536, np.int64), order)
+    sorted_by_first = borrowed(order.size, np.int32)
+    _write_sorted(order, first, np.zeros(65536, np.int64), sorted_by_first)
+    _write_sorted(sorted_by_first, second, np.zeros(65536, np.int64), order)
     return order
 
 
@@ -197,7 +198,8 @@ def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, s
     A zone's root is the first of its cells, hence the thickest.
     Thickness tells steps and distance tells pinches: the discs of two rooms may touch in a door of a thin wall.
     """
-    forest = np.full(thickness.shape, NO_SET)
+    forest = borrowed(thickness.shape, np.int32)
+    forest.fill(NO_SET)
     width = thickness.shape[1]
     return forest, _unite_zones(thickness.ravel(), distance.ravel(), width, order, pinch, step, forest.ravel())
 
@@ -357,8 +359,8 @@ def flood(label: Ints, mask: Flags, depth: Floats) -> Ints:
     Cells that no seed reaches stay -1.
     """
     levels = np.full((2, int(8 * depth.max()) + 1), -1, np.int32)
-    with scratch(label.size) as following:
-        _grow(label.ravel(), mask.ravel(), depth.ravel(), label.shape[1], levels[0], levels[1], following)
+    following = borrowed(label.size, np.int32)
+    _grow(label.ravel(), mask.ravel(), depth.ravel(), label.shape[1], levels[0], levels[1], following)
     return label
 
 

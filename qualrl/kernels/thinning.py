@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from qualrl.kernels.bands import both
 from qualrl.kernels.instructions import AHEAD, ask_around
 from qualrl.kernels.jit import compiled, compiled_bare, compiled_part
+from qualrl.kernels.scratch import borrowed
 
 Ints = NDArray[np.int32]
 RING = np.array([[0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0], [1, 1]], np.int64)
@@ -54,7 +55,8 @@ def thin(label: Ints, order: Ints) -> Ints:
 
     label (H, W), -1 outside every shape; order: flat indices of the cells, those near the edge first.
     """
-    line = label.copy()
+    line = borrowed(label.shape, np.int32)
+    line[:] = label
     # No cell of a shape looks at those of another, so that two threads may go over the same image.
     is_even = label.ravel()[order] % 2 == 0
     both(*(partial(_wear_down, line.ravel(), line.shape[1], order[part]) for part in (is_even, ~is_even)))

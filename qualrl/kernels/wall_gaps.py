@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels.jit import compiled
-from qualrl.kernels.scratch import scratch
+from qualrl.kernels.scratch import borrowed
 
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int32]
@@ -82,10 +82,9 @@ def apart(found: Ints, order: Ints, height: int, width: int, rows: int, slack: i
     Side by side: within so many rows, and less than ``slack`` columns from overlapping.
     """
     stays = np.zeros(len(found), np.bool_)
-    with scratch(-(-height * width // 4)) as block:
-        taken = block.view(np.bool_)[: height * width].reshape(height, width)
-        taken.fill(False)
-        _mark_apart(found, order, rows, slack, taken, stays)
+    taken = borrowed((height, width), np.bool_)
+    taken.fill(False)
+    _mark_apart(found, order, rows, slack, taken, stays)
     return stays
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels import regions as kernels
+from qualrl.kernels.scratch import borrowed
 from qualrl.kernels.wall_gaps import single_gaps
 from qualrl.spatial.distance import distance_within, thickness_over
 from qualrl.spatial.posture import Number, Posture, posture
@@ -93,7 +94,7 @@ class View:
 
     def placed(self, shown: NDArray[Number], elsewhere: int) -> NDArray[Number]:
         """(H, W) what is shown of the window's cells, seen from the grid, and its value beyond the window."""
-        whole = np.empty(self.shape, shown.dtype)
+        whole = borrowed(self.shape, shown.dtype.type)
         rows, columns = self.window
         whole[: rows.start] = whole[rows.stop :] = elsewhere
         whole[rows, : columns.start] = whole[rows, columns.stop :] = elsewhere
