@@ -91,8 +91,9 @@ def prune(line: Ints, distance: NDArray[np.float32], least: float) -> Ints:
     """
     left = line
     cells = np.flatnonzero(left.ravel() >= 0)
+    ends = cells[degrees(left, cells) == 1]
     while True:
-        joints, reaches, tips = _spurs(left, cells, distance, least)
+        joints, reaches, tips = _spurs(left, ends, distance, least)
         by_joint = np.argsort(joints, kind="mergesort")
         for at in range(len(tips)):
             spur = by_joint[at]
@@ -110,7 +111,9 @@ def prune(line: Ints, distance: NDArray[np.float32], least: float) -> Ints:
                 here = after
         if not len(tips):
             return left
-        cells = cells[left.ravel()[cells] >= 0]
+        # Only where a spur began there may be a new tip.
+        ends = np.unique(np.concatenate((ends, joints)))
+        ends = ends[left.ravel()[ends] >= 0]
 
 
 @compiled
