@@ -11,7 +11,7 @@ from numba import njit
 from scipy import ndimage
 
 from qualrl.kernels import bands as banding
-from qualrl.kernels import grid, labels, regions, scratch, zone_graph
+from qualrl.kernels import flooding, grid, labels, regions, scratch, zone_graph
 from qualrl.kernels.instructions import prefetch, trailing_zeros
 from qualrl.spatial.distance import distance_within, thickness_over
 from tests import oracles_regions
@@ -54,9 +54,20 @@ def test_flat_zones_are_the_textbook_ones(width, other, pinch, step):
 @given(LABELS, FLAGS, WIDTHS)
 def test_labels_flood_the_deepest_first(label, mask, depth):
     slow = oracles_regions.flooded(label, mask, depth)
-    grown = regions.flood(label, mask, depth)
+    grown = flooding.flood(label, mask, depth)
     assert grown is label
     np.testing.assert_array_equal(grown, slow)
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.integers(1, 5), st.integers(1, 300), st.integers(0, 2**32 - 1), st.sampled_from([0.5, 0.97, 1.0]))
+def test_labels_flood_rows_of_any_length_alike(height, width, seed, share):
+    random = np.random.default_rng(seed)
+    mask = random.random((height, width)) < 0.9
+    label = np.where(random.random(mask.shape) < share, random.integers(0, 3, mask.shape), -1).astype(np.int32)
+    depth = np.full(1, 0.3, np.float32)
+    slow = oracles_regions.flooded(label, mask, np.broadcast_to(depth, mask.shape))
+    np.testing.assert_array_equal(flooding.flood(label, mask, depth), slow)
 
 
 @settings(deadline=None)
@@ -102,7 +113,7 @@ def test_each_piece_has_the_label_of_its_cells(label):
 def test_what_has_no_label_is_numbered_piece_by_piece(label, mask):
     piece, _ = ndimage.label(mask & (label < 0))  # 4-connected; scipy numbers pieces in the order of their first cell
     expected = np.where(piece > 0, piece + label.max(), label)
-    assert regions.number_rest(label, mask) is label
+    assert flooding.number_rest(label, mask) is label
     np.testing.assert_array_equal(label, expected)
 
 

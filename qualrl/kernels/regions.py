@@ -38,18 +38,6 @@ class Rules(NamedTuple):
     """A place's area is at least this."""
 
 
-@compiled_part
-def _beside(cell: int, height: int, width: int) -> tuple[int, int, int, int]:
-    """Flat indices of the cells north, west, east and south of a cell, -1 off the map."""
-    column = np.uint32(cell) % np.uint32(width)  # division takes long, of more bits longer
-    return (
-        cell - width if cell >= width else -1,
-        cell - 1 if column > 0 else -1,
-        cell + 1 if column < width - 1 else -1,
-        cell + width if cell < (height - 1) * width else -1,
-    )
-
-
 NO_SET = np.int32(-(2**31))
 """In a forest of sets each cell holds the next one on the way to its root, a root less the size of its set (at most
 2**30), and a cell in no set this."""
@@ -108,32 +96,6 @@ def _unite_pieces(flat: Any, width: int, forest: Ints) -> int:
             if row and flat[cell - width] == here and not (west and flat[cell - width - 1] == here):
                 _unite(forest, _root(forest, cell - width), _root(forest, cell))
     return _numbered(forest)
-
-
-def number_rest(label: Ints, mask: Flags) -> Ints:
-    """Number the 4-connected pieces of the mask (H, W) where no label is, after the last label and in the order of
-    their first cell; the label image (H, W), -1 for none, is updated.
-    """
-    waiting = borrowed(label.size, np.int32)
-    _number_rest(label.ravel(), mask.ravel(), label.shape[1], int(label.max()) + 1, waiting)
-    return label
-
-
-@compiled_bare
-def _number_rest(flat: Ints, inside: Flags, width: int, number: int, waiting: Ints) -> None:
-    height = flat.size // width
-    for cell in range(flat.size):
-        if flat[cell] >= 0 or not inside[cell]:
-            continue
-        flat[cell], waiting[0], count = number, cell, 1
-        while count:
-            count -= 1
-            here = waiting[count]
-            for other in _beside(here, height, width):
-                if other >= 0 and inside[other] and flat[other] < 0:
-                    flat[other], waiting[count] = number, other
-                    count += 1
-        number += 1
 
 
 @compiled_part
@@ -350,56 +312,6 @@ def keep_cores(label: Ints, from_border: Floats, thickness: Floats, most: np.flo
     for cell in range(flat.size):
         if flat[cell] >= 0 and has_core[flat[cell]] and away[cell] <= min(thick[cell] / 2, most):
             flat[cell] = -1
-
-
-def flood(label: Ints, mask: Flags, depth: Floats) -> Ints:
-    """Grow labels over the mask, deep cells first; borders settle where the fronts meet.  The label image is updated.
-
-    label (H, W) the seeds, -1 elsewhere; mask (H, W) where to grow; depth (H, W) 0 or more, told apart by eighths.
-    Cells that no seed reaches stay -1.
-    """
-    levels = np.full((2, int(8 * depth.max()) + 1), -1, np.int32)
-    following = borrowed(label.size, np.int32)
-    _grow(label.ravel(), mask.ravel(), depth.ravel(), label.shape[1], levels[0], levels[1], following)
-    return label
-
-
-@compiled_bare
-def _grow(result: Ints, inside: Flags, depths: Floats, width: int, head: Ints, tail: Ints, following: Ints) -> None:
-    """A queue for each level: head and tail (levels,), -1 for none, and the cell after each cell (H x W,)."""
-    height, top = result.size // width, head.size - 1
-    for row in range(height):
-        start, end = row * width, (row + 1) * width
-        for cell in range(start, end):
-            if result[cell] < 0 or not inside[cell]:
-                continue
-            is_front = cell > start and inside[cell - 1] and result[cell - 1] < 0
-            is_front |= cell + 1 < end and inside[cell + 1] and result[cell + 1] < 0
-            is_front |= row > 0 and inside[cell - width] and result[cell - width] < 0
-            is_front |= row + 1 < height and inside[cell + width] and result[cell + width] < 0
-            if is_front:
-                _enqueue(cell, int(8 * depths[cell]), head, tail, following)
-    while top >= 0:
-        cell = head[top]
-        if cell < 0:
-            top -= 1
-            continue
-        head[top] = following[cell]
-        for other in _beside(cell, height, width):
-            if other >= 0 and inside[other] and result[other] < 0:
-                result[other] = result[cell]
-                _enqueue(other, min(int(8 * depths[other]), top), head, tail, following)
-
-
-@compiled_part
-def _enqueue(cell: int, level: int, head: Ints, tail: Ints, following: Ints) -> None:
-    """Put a cell at the end of its level's queue."""
-    following[cell] = -1
-    if head[level] < 0:
-        head[level] = cell
-    else:
-        following[tail[level]] = cell
-    tail[level] = cell
 
 
 @compiled

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.errors import SettingError
+from qualrl.kernels import flooding
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.bands import both
 from qualrl.kernels.labels import as_label, consecutive, labels_at, renumber, sizes
@@ -160,15 +161,15 @@ def _settled(seen: Labels, free: Flags, min_area: float) -> Labels:
     number = np.arange(cells.size, dtype=np.int32)
     np.copyto(seen, piece)
     label = renumber(seen, np.where(stays & (cells >= min_area), number, np.int32(-1)))
-    level = np.zeros(free.shape, np.float32)
+    level = np.zeros(1, np.float32)
     # Scraps, as between the rays of a scanner, go to the region beside them; where there is none, to themselves.
-    kernels.flood(label, free, level)
+    flooding.flood(label, free, level)
     left = free & (label < 0)
     if not left.any():
         return label
     np.copyto(label, renumber(piece, np.where(stays, number, np.int32(-1))), where=left)
-    kernels.flood(label, free, level)
-    return kernels.number_rest(label, free)
+    flooding.flood(label, free, level)
+    return flooding.number_rest(label, free)
 
 
 def _pieces(label: NDArray[np.signedinteger[Any]]) -> tuple[Labels, NDArray[np.int64]]:

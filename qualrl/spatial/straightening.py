@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.kernels import flooding
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.scratch import borrowed
 from qualrl.spatial.distance import distance_within
@@ -28,4 +29,4 @@ def straightened(region: Labels, view: View, most: float = np.inf) -> Labels:
         from_border = distance_within(beyond)
     kernels.keep_cores(region, from_border, view.thickness, np.float32(most))
     del from_border
-    return kernels.flood(region, view.clear, view.distance)
+    return flooding.flood(region, view.clear, view.distance)
