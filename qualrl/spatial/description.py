@@ -85,12 +85,19 @@ def measure(label: Labels, is_pocket: Flags, half_width: Floats) -> Parts:
     return Parts(label, cells, sums / cells[:, None], centre, half_width, is_pocket)
 
 
-def describe(
+def decided(
     parts: Parts, doorways: Sequence[Doorway], occupied: Flags, resolution_m: float
-) -> tuple[tuple[Region, ...], list[int]]:
-    """The regions in their order, with names, kinds and what decided these; and the number of each in ``parts``."""
+) -> tuple[list[Shape], list[str]]:
+    """The shapes of the regions and the kinds that follow from them, by number."""
     shapes = shapes_of(parts, doorways, occupied, resolution_m)
-    kinds = _kinds(parts.is_pocket, (parts.cells * resolution_m**2).tolist(), shapes, resolution_m <= WALLED_M)
+    areas_m2 = (parts.cells * resolution_m**2).tolist()
+    return shapes, _kinds(parts.is_pocket, areas_m2, shapes, resolution_m <= WALLED_M)
+
+
+def listed(
+    parts: Parts, shapes: Sequence[Shape], kinds: Sequence[str], resolution_m: float
+) -> tuple[tuple[Region, ...], list[int]]:
+    """The regions in their order, with names; and the number of each in ``parts``."""
     regions = recorded(parts, [("", kind) for kind in kinds], shapes, resolution_m)
     order = ordered(regions, resolution_m)
     return name_regions([regions[at] for at in order]), order

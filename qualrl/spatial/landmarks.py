@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels import marks as kernels
-from qualrl.kernels.bands import both
 from qualrl.kernels.labels import fill_holes, only
 from qualrl.kernels.thinning import degrees
 from qualrl.spatial.occupancy_grid import Cell
@@ -46,6 +45,19 @@ class Bend(NamedTuple):
     """Rows and columns to go to get farther into the corner."""
 
 
+class CorridorLines(NamedTuple):
+    """The lines midway between the walls of corridors, N cells of them."""
+
+    line: Ints
+    """(H, W) a number of its own for each corridor, -1 elsewhere."""
+    cells: NDArray[np.int64]
+    """(N,) flat indices."""
+    region: Ints
+    """(N,)"""
+    ways: Ints
+    """(N,) how many cells of the same line share a side with each."""
+
+
 def find_landmarks(
     label: Ints,
     regions: Sequence[Region],
@@ -53,6 +65,7 @@ def find_landmarks(
     distance: Floats,
     half_width: Floats,
     bends: Sequence[Bend],
+    lines: CorridorLines,
     resolution_m: float,
 ) -> tuple[Landmark, ...]:
     """All landmarks: doorways, corners, junctions, dead ends, centres; each kind by region and position.
@@ -61,10 +74,8 @@ def find_landmarks(
     half_width by region.
     """
     marks = [Landmark(door.name, "doorway", middle_of(door.cells), door.cells, door.pair) for door in doorways]
-    (junctions, dead_ends), corners = both(
-        lambda: _corridor_marks(label, regions, doorways, distance, half_width),
-        lambda: _corners(label, half_width, bends, resolution_m),
-    )
+    corners = _corners(label, half_width, bends, resolution_m)
+    junctions, dead_ends = _corridor_marks(label, regions, doorways, distance, half_width, lines)
     centres = [region.centre for region in regions if region.kind != "pocket"]
     for kind, cells in (("corner", corners), ("junction", junctions), ("dead end", dead_ends), (CENTRE, centres)):
         listed = sorted(cells, key=lambda cell: (label[cell], cell))
@@ -142,25 +153,32 @@ def _spread(found: list[tuple[float, Cell]], least: float) -> list[Cell]:
     return kept
 
 
+def corridor_lines(label: Ints, is_corridor: Flags, distance: Floats, half_width: Floats) -> CorridorLines:
+    """The lines of corridors: label (H, W), is_corridor and half_width by region, distance (H, W) as above."""
+    if not is_corridor.any():
+        return CorridorLines(np.zeros((0, 0), np.int32), np.zeros(0, np.int64), *np.zeros((2, 0), np.int32))
+    shape = _without_holes(only(label, is_corridor, distance), 2 * half_width)
+    line = pruned_skeleton(shape, distance)
+    cells = np.flatnonzero(line >= 0)
+    return CorridorLines(line, cells, shape.ravel()[cells], degrees(line, cells))
+
+
 def _corridor_marks(
-    label: Ints, regions: Sequence[Region], doorways: Sequence[Doorway], distance: Floats, half_width: Floats
-) -> tuple[list[Cell], list[Cell]]:
+    label: Ints, regions: Sequence[Region], doorways: Sequence[Doorway], distance: Floats, half_width: Floats,
+    lines: CorridorLines,
+) -> tuple[list[Cell], list[Cell]]:  # fmt: skip
     """Junctions and dead ends of the corridors: where lines of their skeletons meet, and end at no doorway."""
     is_corridor = np.array([region.kind == "corridor" for region in regions], np.bool_)
     if not is_corridor.any():
         return [], []
-    inside = only(label, is_corridor, distance)
-    width = 2 * half_width
-    shape = _without_holes(inside, width)
-    line = pruned_skeleton(shape, distance)
-    nodes = np.flatnonzero(line >= 0)
-    ways = degrees(line, nodes)
-    region = shape.ravel()[nodes]
+    line, nodes, region, ways = lines
     is_joint, is_tip = ways > 2, ways <= 1
     joints = kernels.nearest_of_region(label, nodes[is_joint], region[is_joint])
     junctions = list(zip(distance.ravel()[nodes[is_joint]].tolist(), _cells(joints, label), strict=True))
     ends = _dead_ends(label, line, nodes[is_tip], region[is_tip], doorways, distance, half_width)
-    return _spread(junctions, float(width[is_corridor].mean()) + 1.0), list(dict.fromkeys(_cells(ends, label)))
+    return _spread(junctions, float((2 * half_width)[is_corridor].mean()) + 1.0), list(
+        dict.fromkeys(_cells(ends, label))
+    )
 
 
 def _dead_ends(

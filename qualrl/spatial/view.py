@@ -10,7 +10,7 @@ otherwise).  However a map is turned by quarters or mirrored, the view is the sa
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -79,10 +79,11 @@ class View:
         """Work out distance and thickness now, where that costs least."""
         _ = self.thickness
 
-    def forget(self) -> None:
-        """Let go of distance and thickness, which take much memory."""
-        for name in ("distance", "thickness"):
-            self.__dict__.pop(name, None)
+    def give_away(self, name: Literal["distance", "thickness"]) -> Floats:
+        """(H, W) one of the two as ``width_on_grid`` makes it; the view forgets its own, which takes much memory."""
+        found = self.width_on_grid(getattr(self, name))
+        del self.__dict__[name]
+        return found
 
     def to_grid(self, array: NDArray[Number], elsewhere: int) -> NDArray[Number]:
         """(H, W) an array (h, w) as seen from the grid, and its value where the view does not reach."""
