@@ -260,6 +260,9 @@ def test_memory_is_used_again_when_nothing_looks_at_it_and_someone_wants_it():
         again = scratch.borrowed(300, np.uint8)
         assert again.ctypes.data == place
         del again
+        again = scratch.borrowed(402, np.uint8)
+        assert again.ctypes.data == place, "there is some more room"
+        del again
     assert not scratch._KEPT.free
     del larger
     assert not scratch._KEPT.free

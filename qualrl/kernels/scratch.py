@@ -28,6 +28,8 @@ class _Kept:
 _KEPT = _Kept()
 ROOMY = 2
 """Memory is used for an array that takes at least one part in so many of it."""
+SPARE = 64
+"""New memory is larger by one part in so many: the next array may have a margin of cells around it."""
 
 
 @contextmanager
@@ -60,7 +62,7 @@ def _taken(size: int) -> NDArray[np.uint8]:
         fitting = [at for at, block in enumerate(_KEPT.free) if size <= block.size <= ROOMY * size]
         if fitting:
             return _KEPT.free.pop(min(fitting, key=lambda at: _KEPT.free[at].size))
-    return np.empty(size, np.uint8)
+    return np.empty(size + size // SPARE, np.uint8)
 
 
 def _give_back(block: NDArray[np.uint8]) -> None:

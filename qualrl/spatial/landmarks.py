@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from qualrl.kernels import marks as kernels
 from qualrl.kernels.labels import fill_holes, only
+from qualrl.kernels.scratch import borrowed
 from qualrl.kernels.thinning import degrees
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.region_map import CENTRE, Doorway, Landmark, Region
@@ -203,6 +204,7 @@ def _dead_ends(
 
 def _without_holes(inside: Ints, width: Floats) -> Ints:
     """The shapes (H, W), updated: what stands free in them and is shorter than they are wide is filled."""
-    _, hole, stats, _ = cv2.connectedComponentsWithStats((inside < 0).view(np.uint8), connectivity=8)
+    room = borrowed(inside.shape, np.int32)
+    _, hole, stats, _ = cv2.connectedComponentsWithStats((inside < 0).view(np.uint8), room, connectivity=8)
     fill_holes(inside, hole, stats, width)
     return inside

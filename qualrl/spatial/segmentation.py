@@ -15,7 +15,7 @@ from qualrl.kernels import flooding
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.bands import both
 from qualrl.kernels.labels import as_label, consecutive, labels_at, renumber, sizes
-from qualrl.kernels.scratch import kept_for_reuse
+from qualrl.kernels.scratch import borrowed, kept_for_reuse
 from qualrl.spatial.description import decided, listed, mean_half_width, measure
 from qualrl.spatial.doorways import find_doorways, renumbered
 from qualrl.spatial.footprint import fitted
@@ -74,9 +74,12 @@ def segment(
         thing, bends = on_grid()
     distance, thickness = view.give_away("distance"), view.give_away("thickness")
     shown = view.posture.of(free[view.window])
-    seen = np.where(shown, seen, np.int32(-1))
-    label = view.placed(_settled(seen, shown, min_area_m2 / resolution_m**2), -1)
-    del view, on_grid, seen, free, shown
+    found = borrowed(shown.shape, np.int32)
+    found.fill(-1)
+    np.copyto(found, seen, where=shown)
+    del seen
+    label = view.placed(_settled(found, shown, min_area_m2 / resolution_m**2), -1)
+    del view, on_grid, found, free, shown
     label.ravel()[in_pockets] = pocket + label.max() + 1
     is_pocket = np.zeros(consecutive(label), np.bool_)
     is_pocket[label.ravel()[in_pockets]] = True

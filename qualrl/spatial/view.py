@@ -182,7 +182,8 @@ def _furniture(free: Flags, cell_m: float, zoom: int, furniture_m: float) -> Thi
 
     cell_m: side of a cell of the view.
     """
-    _, thing, stats, _ = cv2.connectedComponentsWithStats((~free).astype(np.uint8), connectivity=8)
+    room = borrowed(free.shape, np.int32)
+    _, thing, stats, _ = cv2.connectedComponentsWithStats((~free).view(np.uint8), room, connectivity=8)
     width_m, height_m = stats[:, cv2.CC_STAT_WIDTH] * cell_m, stats[:, cv2.CC_STAT_HEIGHT] * cell_m
     solid = stats[:, cv2.CC_STAT_AREA] * cell_m**2 > 0.5 * width_m * height_m
     longer, shorter = np.maximum(width_m, height_m), np.minimum(width_m, height_m)
