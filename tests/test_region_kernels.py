@@ -187,6 +187,37 @@ def test_only_the_labels_asked_for_are_left(label, kept, depth):
     np.testing.assert_array_equal(labels.only(label, kept, depth), expected)
 
 
+@settings(deadline=None)
+@given(LABELS, arrays(np.bool_, 4))
+def test_cells_are_told_by_their_labels(label, wanted):
+    found = labels.cells_with(label, wanted)
+    assert found.tolist() == np.flatnonzero((label >= 0) & wanted[label]).tolist()
+
+
+@settings(deadline=None, max_examples=100)
+@given(LABELS, WIDTHS, WIDTHS, st.integers(2, 4))
+def test_pieces_crossings_and_orders_are_the_same_in_any_number_of_bands(label, distance, thickness, bands):
+    alone = regions.pieces(label), regions.crossings(label), regions.thick_first(thickness, distance)
+    with patch.object(banding, "LEAST_CELLS", 1), patch.object(banding, "processors", lambda: bands):
+        found = regions.pieces(label), regions.crossings(label), regions.thick_first(thickness, distance)
+    np.testing.assert_array_equal(found[0][0], alone[0][0])
+    assert found[0][1] == alone[0][1]
+    for ours, expected in zip(found[1:], alone[1:], strict=True):
+        np.testing.assert_array_equal(ours, expected)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(1, 4), st.integers(60, 200), st.integers(0, 2**32 - 1), st.sampled_from([0.01, 0.3]))
+def test_crossings_of_long_rows_are_all_steps_between_labels(height, width, seed, share):
+    random = np.random.default_rng(seed)
+    label = np.where(random.random((height, width)) < share, random.integers(-1, 3, (height, width)), 0)
+    flat, cells = label.ravel(), np.arange(label.size).reshape(label.shape)
+    steps = {*zip(cells[:, :-1].ravel(), cells[:, 1:].ravel(), strict=True)}
+    steps |= {*zip(cells[:-1].ravel(), cells[1:].ravel(), strict=True)}
+    expected = sorted((a, b) for a, b in steps if flat[a] != flat[b] and min(flat[a], flat[b]) >= 0)
+    assert [(a, b) for a, b in regions.crossings(label.astype(np.int32)).tolist()] == expected
+
+
 @settings(deadline=None, max_examples=200)
 @given(FLAGS, st.integers(1, 4))
 def test_thickness_is_the_largest_of_the_discs_in_any_number_of_bands(free, bands):

@@ -158,6 +158,23 @@ def _write_only(label: Ints, kept: NDArray[np.bool_], depth: Floats, found: Ints
 
 
 @compiled
+def cells_with(label: Ints, wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Flat indices of the cells whose label (H, W) is wanted (count,), in image order."""
+    flat = label.ravel()
+    count = 0
+    for here in flat:
+        if here >= 0 and wanted[here]:
+            count += 1
+    found = np.empty(count, np.int64)
+    count = 0
+    for cell in range(flat.size):
+        if flat[cell] >= 0 and wanted[flat[cell]]:
+            found[count] = cell
+            count += 1
+    return found
+
+
+@compiled
 def consecutive(label: Ints) -> int:
     """Number the labels that are used from 0 without gaps, in their order; how many.  (H, W) label is updated."""
     number = np.zeros(label.max() + 1, np.int32)

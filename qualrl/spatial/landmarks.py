@@ -159,9 +159,8 @@ def corridor_lines(label: Ints, is_corridor: Flags, distance: Floats, half_width
     if not is_corridor.any():
         return CorridorLines(np.zeros((0, 0), np.int32), np.zeros(0, np.int64), *np.zeros((2, 0), np.int32))
     shape = _without_holes(only(label, is_corridor, distance), 2 * half_width)
-    line = pruned_skeleton(shape, distance)
-    cells = np.flatnonzero(line >= 0)
-    return CorridorLines(line, cells, shape.ravel()[cells], degrees(line, cells))
+    line, cells = pruned_skeleton(shape, distance)
+    return CorridorLines(line, cells.astype(np.int64), shape.ravel()[cells], degrees(line, cells))
 
 
 def _corridor_marks(

@@ -14,7 +14,7 @@ from qualrl.errors import SettingError
 from qualrl.kernels import flooding
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.bands import both
-from qualrl.kernels.labels import as_label, consecutive, labels_at, renumber, sizes
+from qualrl.kernels.labels import as_label, cells_with, consecutive, labels_at, renumber, sizes
 from qualrl.kernels.scratch import borrowed, kept_for_reuse
 from qualrl.spatial.description import decided, listed, mean_half_width, measure
 from qualrl.spatial.doorways import find_doorways, renumbered
@@ -111,8 +111,10 @@ def _without_pockets(free: Flags, least: float) -> tuple[Flags, NDArray[np.intp]
     island, cells = _pieces(as_label(free))
     is_pocket = cells < least
     is_pocket[np.argmax(cells)] = False
-    apart = free & is_pocket[island]
-    return free & ~apart, np.flatnonzero(apart), island[apart]
+    apart = cells_with(island, is_pocket)
+    linked = free.copy()
+    linked.ravel()[apart] = False
+    return linked, apart, island.ravel()[apart]
 
 
 def _check(**settings: tuple[float, float]) -> None:
