@@ -11,6 +11,7 @@ from qualrl.kernels.scratch import borrowed
 
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int32]
+Floats = NDArray[np.float64]
 
 
 @compiled
@@ -74,6 +75,33 @@ def off_middle(found: Ints) -> Ints:
     for gap in range(len(found)):
         off[gap] = abs(2 * (found[gap, 0] - found[first[gap], 0]) - (rows[first[gap]] - 1))
     return off
+
+
+@compiled
+def sharpness(x: Floats, y: Floats, cosine: Floats, sine: Floats) -> Floats:
+    """(N,) sum of squares of the two profiles of points x, y (M,), turned by an angle of some cosine and sine (N,).
+
+    A profile counts the points in each row (or column) of cells.
+    """
+    found, along = np.empty(cosine.size), np.empty(x.size)
+    longest = int(np.hypot(np.ptp(x), np.ptp(y))) + 3
+    profile = np.empty(longest, np.int64)
+    for angle in range(cosine.size):
+        total = np.int64(0)
+        for side in range(2):
+            for at in range(x.size):
+                if side:
+                    along[at] = y[at] * cosine[angle] - x[at] * sine[angle]
+                else:
+                    along[at] = x[at] * cosine[angle] + y[at] * sine[angle]
+            least = along.min()
+            profile[:] = 0
+            for at in range(x.size):
+                profile[np.int64(np.rint(along[at] - least))] += 1
+            for count in profile:
+                total += count * count
+        found[angle] = total
+    return found
 
 
 def apart(found: Ints, order: Ints, height: int, width: int, rows: int, slack: int) -> Flags:

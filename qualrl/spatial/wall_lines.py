@@ -85,24 +85,21 @@ def walls_of(occupied: Flags, clear: Flags) -> Flags:
 
 def main_turn_deg(wall: Flags) -> float:
     """From the rows to the nearer direction of the walls, -45 to 45 degrees: where their two profiles are sharpest."""
-    rows, columns = np.nonzero(wall)
-    step = max(rows.size // SAMPLE, 1)
-    y, x = rows[::step].astype(np.float64), columns[::step].astype(np.float64)
-    if y.size < 20:
+    cells = np.flatnonzero(wall)
+    cells = cells[:: max(cells.size // SAMPLE, 1)]
+    if cells.size < 20:
         return 0.0
-
-    def sharpness(degrees: float) -> float:
-        cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-        total = 0.0
-        for along in (x * cosine + y * sine, y * cosine - x * sine):
-            profile = np.bincount(np.rint(along - along.min()).astype(np.int64))
-            total += float((profile.astype(np.float64) ** 2).sum())
-        return total
-
-    rough = max(range(-45, 45), key=lambda degrees: (sharpness(degrees), -abs(degrees)))
-    tenths = range(10 * rough - 10, 10 * rough + 11)
-    turn_deg = max(tenths, key=lambda tenth: (sharpness(tenth / 10), -abs(tenth))) / 10
+    y, x = (along.astype(np.float64) for along in np.divmod(cells, wall.shape[1]))
+    rough = _sharpest(x, y, range(-45, 45), 1)
+    turn_deg = _sharpest(x, y, range(10 * rough - 10, 10 * rough + 11), 10) / 10
     return turn_deg if turn_deg >= -45 else turn_deg + 90
+
+
+def _sharpest(x: NDArray[np.float64], y: NDArray[np.float64], turns: range, parts: int) -> int:
+    """Of some turns, in so many parts of a degree, the one with the sharpest profiles; of equals the one nearest 0."""
+    radians = [np.radians(turn / parts) for turn in turns]
+    sharpness = wall_gaps.sharpness(x, y, np.cos(radians), np.sin(radians)).tolist()
+    return max(zip(sharpness, turns, strict=True), key=lambda found: (found[0], -abs(found[1])))[1]
 
 
 def _upright(turn_deg: float, shape: tuple[int, ...]) -> tuple[NDArray[np.float64], tuple[int, int]]:
