@@ -1,9 +1,13 @@
 """The loops that cut free space into zones, against slow twins."""
 
+import os
+import threading
+import time
 from unittest.mock import patch
 
 import cv2
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -242,6 +246,36 @@ def test_bands_meet_every_row_once_and_in_order(height, processors):
         bands = banding.in_bands(lambda top, bottom: list(range(top, bottom)), (height, 3))
     assert len(bands) <= processors
     assert [row for band in bands for row in band] == list(range(height))
+
+
+def test_what_helpers_do_is_done_in_time_however_it_is_nested_and_also_after_an_error():
+    done = []
+
+    def fail():
+        raise ValueError("on purpose")
+
+    def late():
+        time.sleep(0.05)
+        done.append(banding.both(lambda: 1, lambda: banding.both(lambda: 2, lambda: 3)))
+
+    with patch.object(banding, "processors", lambda: 2):
+        assert banding.both(lambda: 1, lambda: banding.both(lambda: 2, lambda: 3)) == (1, (2, 3))
+        with pytest.raises(ValueError, match="on purpose"):
+            banding.both(fail, late)
+        assert done == [(1, (2, 3))], "it was waited for"
+        with pytest.raises(ValueError, match="on purpose"):
+            banding.both(late, fail)
+        assert banding.both(lambda: 1, threading.get_ident)[1] == banding.both(lambda: 1, threading.get_ident)[1]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not copied here")
+def test_a_copied_process_has_a_helper_of_its_own():
+    with patch.object(banding, "processors", lambda: 2):
+        banding.both(int, int)
+        child = os.fork()
+        if not child:
+            os._exit(banding.both(lambda: 1, lambda: 2) != (1, 2))
+        assert os.waitpid(child, 0)[1] == 0
 
 
 def test_a_word_has_zeros_and_memory_may_be_asked_for_where_there_is_none():
