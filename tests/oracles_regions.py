@@ -69,6 +69,16 @@ def flooded(label, mask, depth):
     return label
 
 
+def distances(free):
+    """(H, W) from each cell to the nearest that is not free, looked for among all of them; infinite without any."""
+    found = np.zeros(free.shape, np.float32)
+    rows, columns = np.nonzero(~free)
+    for row, column in np.argwhere(free).tolist():
+        square = ((rows - row) ** 2 + (columns - column) ** 2).min(initial=2**62)
+        found[row, column] = np.sqrt(np.float32(square)) if rows.size else np.inf
+    return found
+
+
 def local_thickness(distance):
     """(H, W) of each free cell the radius of the largest disc over it, of those whose centre is on a ridge."""
     height, width = distance.shape

@@ -69,3 +69,12 @@ def off_middle(found):
             bottom += 1
         off.append(abs(2 * row - top - bottom))
     return off
+
+
+def sharpness(points, cosine, sine):
+    """The sum of squares of how many turned points (x, y) lie in each row, and in each column."""
+    total = 0
+    for along in ([x * cosine + y * sine for x, y in points], [y * cosine - x * sine for x, y in points]):
+        rows = [round(at - min(along)) for at in along]
+        total += sum(rows.count(row) ** 2 for row in {*rows})
+    return total

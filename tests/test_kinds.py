@@ -13,7 +13,7 @@ from qualrl.io.model_file import read_model, write_model
 from qualrl.io.read_map import read_map
 from qualrl.kernels.labels import borders
 from qualrl.models.hybrid_mdp import hybrid_mdp
-from qualrl.spatial.description import describe, measure
+from qualrl.spatial.description import decided, listed, measure
 from qualrl.spatial.doorways import renumbered
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.place import PlaceName
@@ -161,7 +161,8 @@ def names_of(seen: RegionMap, turn: Callable[[np.ndarray], np.ndarray] = np.arra
     is_pocket = np.array([region.kind == "pocket" for region in seen.regions])
     label, occupied = (np.ascontiguousarray(turn(image)) for image in (seen.label, seen.grid.occupied))
     parts = measure(label, is_pocket, np.ones(len(seen.regions), np.float32))
-    regions, order = describe(parts, turned(seen, turn), occupied, seen.grid.resolution_m)
+    shapes, kinds = decided(parts, turned(seen, turn), occupied, seen.grid.resolution_m)
+    regions, order = listed(parts, shapes, kinds, seen.grid.resolution_m)
     return [region.name for _, region in sorted(zip(order, regions, strict=True), key=lambda pair: pair[0])]
 
 

@@ -1,9 +1,13 @@
 """The loops that cut free space into zones, against slow twins."""
 
+import os
+import threading
+import time
 from unittest.mock import patch
 
 import cv2
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -11,14 +15,28 @@ from numba import njit
 from scipy import ndimage
 
 from qualrl.kernels import bands as banding
-from qualrl.kernels import grid, labels, regions, scratch, zone_graph
+from qualrl.kernels import flooding, grid, labels, regions, scratch, zone_graph
 from qualrl.kernels.instructions import prefetch, trailing_zeros
 from qualrl.spatial.distance import distance_within, thickness_over
 from tests import oracles_regions
 
+
+def _free_but(shape, cells):
+    """All cells free but some, where they lie on the map."""
+    free = np.ones(shape, np.bool_)
+    for row, column in cells:
+        free[row % shape[0], column % shape[1]] = False
+    return free
+
+
 SHAPES = st.shared(st.tuples(st.integers(1, 8), st.integers(1, 8)), key="shape")
 LABELS = arrays(np.int32, SHAPES, elements=st.integers(-1, 3))
 FLAGS = arrays(np.bool_, SHAPES)
+MOSTLY_FREE = st.builds(
+    _free_but,
+    st.tuples(st.integers(1, 30), st.integers(1, 30)),
+    st.lists(st.tuples(st.integers(0, 29), st.integers(0, 29)), max_size=5),
+)
 WIDTHS = arrays(np.float32, SHAPES, elements=st.sampled_from([0, 0.5, 1, 1.125, 2, 2.5, 3]))
 
 
@@ -40,9 +58,20 @@ def test_flat_zones_are_the_textbook_ones(width, other, pinch, step):
 @given(LABELS, FLAGS, WIDTHS)
 def test_labels_flood_the_deepest_first(label, mask, depth):
     slow = oracles_regions.flooded(label, mask, depth)
-    grown = regions.flood(label, mask, depth)
+    grown = flooding.flood(label, mask, depth)
     assert grown is label
     np.testing.assert_array_equal(grown, slow)
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.integers(1, 5), st.integers(1, 300), st.integers(0, 2**32 - 1), st.sampled_from([0.5, 0.97, 1.0]))
+def test_labels_flood_rows_of_any_length_alike(height, width, seed, share):
+    random = np.random.default_rng(seed)
+    mask = random.random((height, width)) < 0.9
+    label = np.where(random.random(mask.shape) < share, random.integers(0, 3, mask.shape), -1).astype(np.int32)
+    depth = np.full(1, 0.3, np.float32)
+    slow = oracles_regions.flooded(label, mask, np.broadcast_to(depth, mask.shape))
+    np.testing.assert_array_equal(flooding.flood(label, mask, depth), slow)
 
 
 @settings(deadline=None)
@@ -88,7 +117,7 @@ def test_each_piece_has_the_label_of_its_cells(label):
 def test_what_has_no_label_is_numbered_piece_by_piece(label, mask):
     piece, _ = ndimage.label(mask & (label < 0))  # 4-connected; scipy numbers pieces in the order of their first cell
     expected = np.where(piece > 0, piece + label.max(), label)
-    assert regions.number_rest(label, mask) is label
+    assert flooding.number_rest(label, mask) is label
     np.testing.assert_array_equal(label, expected)
 
 
@@ -162,6 +191,37 @@ def test_only_the_labels_asked_for_are_left(label, kept, depth):
     np.testing.assert_array_equal(labels.only(label, kept, depth), expected)
 
 
+@settings(deadline=None)
+@given(LABELS, arrays(np.bool_, 4))
+def test_cells_are_told_by_their_labels(label, wanted):
+    found = labels.cells_with(label, wanted)
+    assert found.tolist() == np.flatnonzero((label >= 0) & wanted[label]).tolist()
+
+
+@settings(deadline=None, max_examples=100)
+@given(LABELS, WIDTHS, WIDTHS, st.integers(2, 4))
+def test_pieces_crossings_and_orders_are_the_same_in_any_number_of_bands(label, distance, thickness, bands):
+    alone = regions.pieces(label), regions.crossings(label), regions.thick_first(thickness, distance)
+    with patch.object(banding, "LEAST_CELLS", 1), patch.object(banding, "processors", lambda: bands):
+        found = regions.pieces(label), regions.crossings(label), regions.thick_first(thickness, distance)
+    np.testing.assert_array_equal(found[0][0], alone[0][0])
+    assert found[0][1] == alone[0][1]
+    for ours, expected in zip(found[1:], alone[1:], strict=True):
+        np.testing.assert_array_equal(ours, expected)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(1, 4), st.integers(60, 200), st.integers(0, 2**32 - 1), st.sampled_from([0.01, 0.3]))
+def test_crossings_of_long_rows_are_all_steps_between_labels(height, width, seed, share):
+    random = np.random.default_rng(seed)
+    label = np.where(random.random((height, width)) < share, random.integers(-1, 3, (height, width)), 0)
+    flat, cells = label.ravel(), np.arange(label.size).reshape(label.shape)
+    steps = {*zip(cells[:, :-1].ravel(), cells[:, 1:].ravel(), strict=True)}
+    steps |= {*zip(cells[:-1].ravel(), cells[1:].ravel(), strict=True)}
+    expected = sorted((a, b) for a, b in steps if flat[a] != flat[b] and min(flat[a], flat[b]) >= 0)
+    assert [(a, b) for a, b in regions.crossings(label.astype(np.int32)).tolist()] == expected
+
+
 @settings(deadline=None, max_examples=200)
 @given(FLAGS, st.integers(1, 4))
 def test_thickness_is_the_largest_of_the_discs_in_any_number_of_bands(free, bands):
@@ -186,6 +246,36 @@ def test_bands_meet_every_row_once_and_in_order(height, processors):
         bands = banding.in_bands(lambda top, bottom: list(range(top, bottom)), (height, 3))
     assert len(bands) <= processors
     assert [row for band in bands for row in band] == list(range(height))
+
+
+def test_what_helpers_do_is_done_in_time_however_it_is_nested_and_also_after_an_error():
+    done = []
+
+    def fail():
+        raise ValueError("on purpose")
+
+    def late():
+        time.sleep(0.05)
+        done.append(banding.both(lambda: 1, lambda: banding.both(lambda: 2, lambda: 3)))
+
+    with patch.object(banding, "processors", lambda: 2):
+        assert banding.both(lambda: 1, lambda: banding.both(lambda: 2, lambda: 3)) == (1, (2, 3))
+        with pytest.raises(ValueError, match="on purpose"):
+            banding.both(fail, late)
+        assert done == [(1, (2, 3))], "it was waited for"
+        with pytest.raises(ValueError, match="on purpose"):
+            banding.both(late, fail)
+        assert banding.both(lambda: 1, threading.get_ident)[1] == banding.both(lambda: 1, threading.get_ident)[1]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not copied here")
+def test_a_copied_process_has_a_helper_of_its_own():
+    with patch.object(banding, "processors", lambda: 2):
+        banding.both(int, int)
+        child = os.fork()
+        if not child:
+            os._exit(banding.both(lambda: 1, lambda: 2) != (1, 2))
+        assert os.waitpid(child, 0)[1] == 0
 
 
 def test_a_word_has_zeros_and_memory_may_be_asked_for_where_there_is_none():
@@ -219,14 +309,42 @@ def test_free_cells_are_listed_row_by_row(free):
     np.testing.assert_array_equal(found, np.argwhere(free))
 
 
-def test_scratch_memory_is_used_again_while_someone_wants_it_and_no_longer():
+def test_memory_is_used_again_when_nothing_looks_at_it_and_someone_wants_it():
     with scratch.kept_for_reuse():
-        with scratch.scratch(100) as first, scratch.scratch(100) as other:
-            assert not np.shares_memory(first, other)
-        with scratch.scratch(50) as again:
-            assert again.size == 50
-            assert np.shares_memory(again, first) or np.shares_memory(again, other)
-        with scratch.scratch(1000) as larger:
-            assert larger.size == 1000
-    with scratch.scratch(50) as fresh:
-        assert not any(np.shares_memory(fresh, block) for block in (first, other, larger))
+        first, other = scratch.borrowed((10, 10), np.int32), scratch.borrowed(100, np.int32)
+        assert not np.shares_memory(first, other)
+        place, view = first.ctypes.data, first.view(np.uint16)[2:, ::-1]
+        del first
+        watched = scratch.borrowed(100, np.int32)
+        assert watched.ctypes.data != place, "a view still looks at it"
+        del view
+        larger, small = scratch.borrowed((5, 13), np.float64), scratch.borrowed(120, np.bool_)
+        assert (larger.shape, larger.dtype) == ((5, 13), np.float64)
+        assert larger.ctypes.data != place, "it is too small"
+        assert small.ctypes.data != place, "it is far too large"
+        again = scratch.borrowed(300, np.uint8)
+        assert again.ctypes.data == place
+        del again
+        again = scratch.borrowed(402, np.uint8)
+        assert again.ctypes.data == place, "there is some more room"
+        del again
+    assert not scratch._KEPT.free
+    del larger
+    assert not scratch._KEPT.free
+
+
+@settings(deadline=None, max_examples=300)
+@given(arrays(np.bool_, st.tuples(st.integers(1, 12), st.integers(1, 12))) | MOSTLY_FREE, st.integers(1, 3))
+def test_distances_are_those_to_the_nearest_cell_in_any_number_of_bands(free, bands):
+    with patch.object(banding, "LEAST_CELLS", 1), patch.object(banding, "processors", lambda: bands):
+        found = distance_within(free)
+    assert found.dtype == np.float32
+    np.testing.assert_array_equal(found, oracles_regions.distances(free))
+
+
+def test_distances_along_a_side_of_more_cells_than_16_bits_count_are_exact():
+    free = np.ones((1, 70_000), np.bool_)
+    free[0, 3] = False
+    expected = abs(np.arange(70_000) - 3).astype(np.float32)
+    np.testing.assert_array_equal(distance_within(free)[0], expected)
+    np.testing.assert_array_equal(distance_within(free.T)[:, 0], expected)

@@ -31,7 +31,9 @@ def order_of(shape: np.ndarray) -> np.ndarray:
 @settings(deadline=None, max_examples=150)
 @given(SHAPES)
 def test_thinning_keeps_pieces_and_holes_and_takes_all_it_may(shape: np.ndarray) -> None:
-    line = thin(np.where(shape, 0, -1).astype(np.int32), order_of(shape)) >= 0
+    found, cells = thin(np.where(shape, 0, -1).astype(np.int32), order_of(shape))
+    line = found >= 0
+    assert cells.tolist() == np.flatnonzero(line).tolist()
     assert not (line & ~shape).any()
     assert counts(line) == counts(shape)
     for row, column in np.argwhere(line):
@@ -47,7 +49,7 @@ def test_shapes_beside_each_other_are_thinned_each_by_itself() -> None:
     shapes = np.zeros((9, 20), np.int32)
     shapes[:, 10:] = 1
     order = np.concatenate([order_of(shapes == 0), order_of(shapes == 1)])
-    line = thin(shapes, order) >= 0
+    line = thin(shapes, order)[0] >= 0
     assert line[:, :10].any()
     assert line[:, 10:].any()
 
@@ -61,10 +63,10 @@ def test_a_cross_of_ragged_corridors_has_one_joint_and_four_ends() -> None:
     free[[0, -1]] = free[:, [0, -1]] = False
     free = binary_fill_holes(free)
     distance = distance_transform_edt(free).astype(np.float32)
-    line = pruned_skeleton(np.where(free, 0, -1).astype(np.int32), distance)
+    line, cells = pruned_skeleton(np.where(free, 0, -1).astype(np.int32), distance)
     lines = nx.grid_2d_graph(*free.shape).subgraph([tuple(cell) for cell in np.argwhere(line >= 0).tolist()])
     assert nx.is_connected(lines)
-    cells = np.flatnonzero(line >= 0)
+    assert cells.tolist() == np.flatnonzero(line >= 0).tolist()
     assert degrees(line, cells).tolist() == [lines.degree[divmod(cell, 200)] for cell in cells.tolist()]
     joints = [node for node, degree in lines.degree if degree > 2]
     assert joints
@@ -95,8 +97,9 @@ def textbook_pruned(graph: nx.Graph, distance: np.ndarray, least: float) -> nx.G
 @settings(deadline=None, max_examples=150)
 @given(SHAPES, st.sampled_from([0.5, LEAST_REACH, 4.0]), st.integers(0, 2**32 - 1))
 def test_spurs_go_as_in_the_textbook(shape: np.ndarray, least: float, seed: int) -> None:
-    line = thin(np.where(shape, 0, -1).astype(np.int32), order_of(shape)) >= 0
+    line = thin(np.where(shape, 0, -1).astype(np.int32), order_of(shape))[0] >= 0
     distance = np.random.default_rng(seed).integers(1, 4, shape.shape).astype(np.float32)
     graph = nx.grid_2d_graph(*shape.shape).subgraph([tuple(cell) for cell in np.argwhere(line).tolist()])
-    left = prune(np.where(line, 0, -1).astype(np.int32), distance, least)
+    left = np.where(line, 0, -1).astype(np.int32)
+    prune(left, np.flatnonzero(line).astype(np.int32), distance, least)
     assert {tuple(cell) for cell in np.argwhere(left >= 0).tolist()} == set(textbook_pruned(graph, distance, least))

@@ -46,6 +46,19 @@ def test_gaps_know_how_far_off_the_middle_of_their_like_they_are(drawn, bridge):
     assert wall_gaps.off_middle(found).tolist() == oracles_walls.off_middle(found.tolist())
 
 
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 40), st.integers(0, 40)), min_size=1, max_size=30), st.data())
+def test_profiles_are_as_sharp_as_the_textbook_says(points, data):
+    radians = np.radians(data.draw(st.lists(st.floats(-45, 45), min_size=1, max_size=4)))
+    x, y = np.array(points, np.float64).T
+    found = wall_gaps.sharpness(np.ascontiguousarray(x), np.ascontiguousarray(y), np.cos(radians), np.sin(radians))
+    expected = [
+        oracles_walls.sharpness(points, cosine, sine)
+        for cosine, sine in zip(np.cos(radians).tolist(), np.sin(radians).tolist(), strict=True)
+    ]
+    assert found.tolist() == expected
+
+
 def test_a_hole_is_bridged_or_a_gap_never_both():
     row = np.array([[cell == "#" for cell in "####.####..####"]])
     lengths = [wall_gaps.gaps(row, ~row, bridge, 2, 9)[:, 3:].tolist() for bridge in (1, 2, 3)]

@@ -46,7 +46,7 @@ class Image:
     def grey(self) -> NDArray[np.uint8]:
         """(H, W) 8-bit grey: Rec. 601 luma, in the whole-number arithmetic of GraphicsMagick."""
         if self.samples.shape[2] == 1:
-            return (self.samples[:, :, 0] // (self.top // 255)).astype(np.uint8)
+            return self.in_8_bits().samples[:, :, 0].astype(np.uint8, copy=False)
         red, green, blue = (self.samples[:, :, channel].astype(np.uint32) for channel in range(3))
         luma = (306 * red + 601 * green + 117 * blue) // 1024
         return (luma // (self.top // 255)).astype(np.uint8)

@@ -38,7 +38,10 @@ def occupancy(image: Image, settings: RosSettings, dialect: str = "nav2") -> NDA
 
 def _nav2(image: Image, settings: RosSettings) -> NDArray[np.int8]:
     """Whatever is not opaque is unknown, but for raw."""
-    values = _nav2_table(settings)[image.grey()]
+    grey = image.grey()
+    # As the table[grey], which makes eight bytes of each pixel's one first.
+    looked_up = bytearray(np.ascontiguousarray(grey)).translate(_nav2_table(settings).tobytes())
+    values = np.frombuffer(looked_up, np.int8).reshape(grey.shape)
     if image.alpha is not None and settings.mode != "raw":
         values[image.alpha // (image.top // 255) < 255] = -1
     return values

@@ -215,7 +215,7 @@ def _oddities(image: Image, values: NDArray[np.int8], settings: RosSettings) -> 
         threshold = getattr(settings, name)
         if not 0 <= threshold <= 1 and settings.mode != "raw":
             odd.append(f"{name} is {threshold:g}, but occupancy goes from 0 to 1")
-    if settings.mode != "raw" and (values[image.grey() == UNKNOWN_GREY] == 0).any():
+    if settings.mode != "raw" and ((image.grey() == UNKNOWN_GREY) & (values == 0)).any():
         low = settings.free_thresh < 1 - UNKNOWN_GREY / 255  # then only the rounding of mode scale makes it free
         advice = "use mode trinary" if low else f"set free_thresh to 0.196 (it is {settings.free_thresh:g})"
         odd.append(f"grey {UNKNOWN_GREY}, which map_saver writes for unknown, counts as free; {advice}")

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels.jit import compiled, compiled_bare, compiled_part
+from qualrl.kernels.scratch import borrowed
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -143,7 +144,7 @@ def renumber(label: Ints, number: Ints) -> Ints:
 
 def only(label: Ints, kept: NDArray[np.bool_], depth: Floats) -> Ints:
     """(H, W) the labels (H, W) that are kept (count,), where the depth (H, W) is above 0; -1 elsewhere."""
-    found = np.empty_like(label)
+    found = borrowed(label.shape, np.int32)
     _write_only(label, kept, depth, found)
     return found
 
@@ -154,6 +155,23 @@ def _write_only(label: Ints, kept: NDArray[np.bool_], depth: Floats, found: Ints
         for column in range(label.shape[1]):
             here = label[row, column]
             found[row, column] = here if here >= 0 and kept[here] and depth[row, column] > 0 else -1
+
+
+@compiled
+def cells_with(label: Ints, wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Flat indices of the cells whose label (H, W) is wanted (count,), in image order."""
+    flat = label.ravel()
+    count = 0
+    for here in flat:
+        if here >= 0 and wanted[here]:
+            count += 1
+    found = np.empty(count, np.int64)
+    count = 0
+    for cell in range(flat.size):
+        if flat[cell] >= 0 and wanted[flat[cell]]:
+            found[count] = cell
+            count += 1
+    return found
 
 
 @compiled

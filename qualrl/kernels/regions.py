@@ -14,7 +14,7 @@ from qualrl.kernels.bands import in_bands
 from qualrl.kernels.bonds import Bonds, append, find, tidy
 from qualrl.kernels.instructions import AHEAD, ask_around, prefetch
 from qualrl.kernels.jit import compiled, compiled_bare, compiled_part
-from qualrl.kernels.scratch import scratch
+from qualrl.kernels.scratch import borrowed
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -38,18 +38,8 @@ class Rules(NamedTuple):
     """A place's area is at least this."""
 
 
-@compiled_part
-def _beside(cell: int, height: int, width: int) -> tuple[int, int, int, int]:
-    """Flat indices of the cells north, west, east and south of a cell, -1 off the map."""
-    column = np.uint32(cell) % np.uint32(width)  # division takes long, of more bits longer
-    return (
-        cell - width if cell >= width else -1,
-        cell - 1 if column > 0 else -1,
-        cell + 1 if column < width - 1 else -1,
-        cell + width if cell < (height - 1) * width else -1,
-    )
-
-
+BLOCK = 64
+"""So many cells of a row are looked at together, to pass over them where there is nothing to do."""
 NO_SET = np.int32(-(2**31))
 """In a forest of sets each cell holds the next one on the way to its root, a root less the size of its set (at most
 2**30), and a cell in no set this."""
@@ -87,14 +77,23 @@ def _numbered(forest: Ints) -> int:
 
 def pieces(label: Any) -> tuple[Ints, int]:
     """4-connected pieces of equal label: (H, W) int32 piece of each cell, -1 where label is; and their number."""
-    forest = np.full(label.shape, NO_SET)
-    return forest, _unite_pieces(label.ravel(), label.shape[1], forest.ravel())
+    forest = borrowed(label.shape, np.int32)
+    forest.fill(NO_SET)
+    flat, width, sets = label.ravel(), label.shape[1], forest.ravel()
+
+    def unite(top: int, bottom: int) -> int:
+        _unite_pieces(flat, width, top, bottom, sets)
+        return top
+
+    for top in in_bands(unite, label.shape)[1:]:
+        _unite_seam(flat, width, top, sets)
+    return forest, _numbered(sets)
 
 
 @compiled_bare
-def _unite_pieces(flat: Any, width: int, forest: Ints) -> int:
-    """Make the forest, of no sets at first, one of the pieces of an image (H x W,), and number them."""
-    for row in range(flat.size // width):
+def _unite_pieces(flat: Any, width: int, top: int, bottom: int, forest: Ints) -> None:
+    """Make the forest, of no sets at first, one of the pieces of the rows from top to bottom of an image (H x W,)."""
+    for row in range(top, bottom):
         for cell in range(row * width, (row + 1) * width):
             here = flat[cell]
             if here < 0:
@@ -104,35 +103,16 @@ def _unite_pieces(flat: Any, width: int, forest: Ints) -> int:
             if west:
                 _unite(forest, _root(forest, cell - 1), cell)
             # With the cell to the northwest both are one already.
-            if row and flat[cell - width] == here and not (west and flat[cell - width - 1] == here):
+            if row > top and flat[cell - width] == here and not (west and flat[cell - width - 1] == here):
                 _unite(forest, _root(forest, cell - width), _root(forest, cell))
-    return _numbered(forest)
-
-
-def number_rest(label: Ints, mask: Flags) -> Ints:
-    """Number the 4-connected pieces of the mask (H, W) where no label is, after the last label and in the order of
-    their first cell; the label image (H, W), -1 for none, is updated.
-    """
-    with scratch(label.size) as waiting:
-        _number_rest(label.ravel(), mask.ravel(), label.shape[1], int(label.max()) + 1, waiting)
-    return label
 
 
 @compiled_bare
-def _number_rest(flat: Ints, inside: Flags, width: int, number: int, waiting: Ints) -> None:
-    height = flat.size // width
-    for cell in range(flat.size):
-        if flat[cell] >= 0 or not inside[cell]:
-            continue
-        flat[cell], waiting[0], count = number, cell, 1
-        while count:
-            count -= 1
-            here = waiting[count]
-            for other in _beside(here, height, width):
-                if other >= 0 and inside[other] and flat[other] < 0:
-                    flat[other], waiting[count] = number, other
-                    count += 1
-        number += 1
+def _unite_seam(flat: Any, width: int, row: int, forest: Ints) -> None:
+    """Unite the pieces of a row with those of the row above."""
+    for cell in range(row * width, (row + 1) * width):
+        if flat[cell] >= 0 and flat[cell - width] == flat[cell]:
+            _unite(forest, _root(forest, cell - width), _root(forest, cell))
 
 
 @compiled_part
@@ -148,12 +128,28 @@ def thick_first(thickness: Floats, distance: Floats) -> Ints:
     from what is not free, then by position; widths in whole sixteenths of a cell, up to 4095 cells.
     """
     first, second = distance.ravel(), thickness.ravel()
-    order = np.empty(np.count_nonzero(first > 0), np.int32)
+    order = borrowed(int(np.count_nonzero(first)), np.int32)
     _write_positive(first, order)
-    with scratch(order.size) as sorted_by_first:
-        _write_sorted(order, first, np.zeros(65536, np.int64), sorted_by_first)
-        _write_sorted(sorted_by_first, second, np.zeros(65536, np.int64), order)
+    sorted_by_first = borrowed(order.size, np.int32)
+    _sort_by(first, order, sorted_by_first)
+    _sort_by(second, sorted_by_first, order)
     return order
+
+
+def _sort_by(width: Floats, order: Ints, result: Ints) -> None:
+    """Write the cells from wide to narrow, in their order where they are equally wide; each band counts and places."""
+
+    def counted(top: int, bottom: int) -> tuple[int, NDArray[np.int64]]:
+        count = np.zeros(65536, np.int64)
+        _count(order, width, top, bottom, count)
+        return top, count
+
+    shape = (order.size, 1)
+    tops, counts = zip(*in_bands(counted, shape), strict=True)
+    by_key = np.stack(counts, axis=1)
+    start = (np.cumsum(by_key) - by_key.ravel()).reshape(by_key.shape)
+    start_of = {top: np.ascontiguousarray(start[:, band]) for band, top in enumerate(tops)}
+    in_bands(lambda top, bottom: _place(order, width, top, bottom, start_of[top], result), shape)
 
 
 @compiled_bare
@@ -167,15 +163,17 @@ def _write_positive(values: Floats, found: Ints) -> None:
 
 
 @compiled_bare
-def _write_sorted(order: Ints, width: Floats, start: NDArray[np.int64], result: Ints) -> None:
-    """The cells, in their order where they are equally wide, from wide to narrow; start (65536,) is all 0."""
-    for at in range(order.size):
+def _count(order: Ints, width: Floats, first: int, end: int, count: NDArray[np.int64]) -> None:
+    """Add up how many of the cells from first to before the end are of each width: (65536,) from wide to narrow."""
+    for at in range(first, end):
         prefetch(width, order[min(at + AHEAD, order.size - 1)])
-        start[_narrowness(width[order[at]])] += 1
-    total = 0
-    for key in range(start.size):
-        start[key], total = total, total + start[key]
-    for at in range(order.size):
+        count[_narrowness(width[order[at]])] += 1
+
+
+@compiled_bare
+def _place(order: Ints, width: Floats, first: int, end: int, start: NDArray[np.int64], result: Ints) -> None:
+    """Write these cells each to the next place of its width, of those from start (65536,) on, which is updated."""
+    for at in range(first, end):
         prefetch(width, order[min(at + AHEAD, order.size - 1)])
         cell = order[at]
         key = _narrowness(width[cell])
@@ -197,7 +195,8 @@ def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, s
     A zone's root is the first of its cells, hence the thickest.
     Thickness tells steps and distance tells pinches: the discs of two rooms may touch in a door of a thin wall.
     """
-    forest = np.full(thickness.shape, NO_SET)
+    forest = borrowed(thickness.shape, np.int32)
+    forest.fill(NO_SET)
     width = thickness.shape[1]
     return forest, _unite_zones(thickness.ravel(), distance.ravel(), width, order, pinch, step, forest.ravel())
 
@@ -245,25 +244,43 @@ def crossings(label: Ints) -> Ints:
 def crossings_from(label: Ints, top: int, bottom: int) -> Ints:
     """Those of the steps that begin in the rows from top to bottom."""
     height, width = label.shape
-    flat = label.ravel()
+    found = np.empty((4 * BLOCK, 2), np.int32)
     count = 0
-    for fill in range(2):
-        found = np.empty((count * fill, 2), np.int32)
-        count = 0
-        for row in range(top, bottom):
-            for cell in range(row * width, row * width + width):
-                here = flat[cell]
+    for row in range(top, bottom):
+        for first in range(0, width, BLOCK):
+            end = min(first + BLOCK, width)
+            if not _has_crossing(label, row, first, end):
+                continue
+            if count + 2 * BLOCK > len(found):
+                larger = np.empty((2 * len(found), 2), np.int32)
+                larger[:count] = found[:count]
+                found = larger
+            for column in range(first, end):
+                cell, here = row * width + column, label[row, column]
                 if here < 0:
                     continue
-                if cell + 1 < row * width + width and flat[cell + 1] >= 0 and flat[cell + 1] != here:
-                    if fill:
-                        found[count, 0], found[count, 1] = cell, cell + 1
+                if column + 1 < width and label[row, column + 1] >= 0 and label[row, column + 1] != here:
+                    found[count, 0], found[count, 1] = cell, cell + 1
                     count += 1
-                if row + 1 < height and flat[cell + width] >= 0 and flat[cell + width] != here:
-                    if fill:
-                        found[count, 0], found[count, 1] = cell, cell + width
+                if row + 1 < height and label[row + 1, column] >= 0 and label[row + 1, column] != here:
+                    found[count, 0], found[count, 1] = cell, cell + width
                     count += 1
-    return found
+    return found[:count].copy()
+
+
+@compiled_part
+def _has_crossing(label: Ints, row: int, first: int, end: int) -> bool:
+    """Whether a step from one of a row's cells, to the right or down, leads from label to label: told many at once."""
+    height, width = label.shape
+    found = np.int32(0)
+    for column in range(first, min(end, width - 1)):
+        here, after = label[row, column], label[row, column + 1]
+        found |= np.int32((here != after) & ((here | after) >= 0))
+    if row + 1 < height:
+        for column in range(first, end):
+            here, after = label[row, column], label[row + 1, column]
+            found |= np.int32((here != after) & ((here | after) >= 0))
+    return bool(found != 0)
 
 
 @compiled
@@ -348,56 +365,6 @@ def keep_cores(label: Ints, from_border: Floats, thickness: Floats, most: np.flo
     for cell in range(flat.size):
         if flat[cell] >= 0 and has_core[flat[cell]] and away[cell] <= min(thick[cell] / 2, most):
             flat[cell] = -1
-
-
-def flood(label: Ints, mask: Flags, depth: Floats) -> Ints:
-    """Grow labels over the mask, deep cells first; borders settle where the fronts meet.  The label image is updated.
-
-    label (H, W) the seeds, -1 elsewhere; mask (H, W) where to grow; depth (H, W) 0 or more, told apart by eighths.
-    Cells that no seed reaches stay -1.
-    """
-    levels = np.full((2, int(8 * depth.max()) + 1), -1, np.int32)
-    with scratch(label.size) as following:
-        _grow(label.ravel(), mask.ravel(), depth.ravel(), label.shape[1], levels[0], levels[1], following)
-    return label
-
-
-@compiled_bare
-def _grow(result: Ints, inside: Flags, depths: Floats, width: int, head: Ints, tail: Ints, following: Ints) -> None:
-    """A queue for each level: head and tail (levels,), -1 for none, and the cell after each cell (H x W,)."""
-    height, top = result.size // width, head.size - 1
-    for row in range(height):
-        start, end = row * width, (row + 1) * width
-        for cell in range(start, end):
-            if result[cell] < 0 or not inside[cell]:
-                continue
-            is_front = cell > start and inside[cell - 1] and result[cell - 1] < 0
-            is_front |= cell + 1 < end and inside[cell + 1] and result[cell + 1] < 0
-            is_front |= row > 0 and inside[cell - width] and result[cell - width] < 0
-            is_front |= row + 1 < height and inside[cell + width] and result[cell + width] < 0
-            if is_front:
-                _enqueue(cell, int(8 * depths[cell]), head, tail, following)
-    while top >= 0:
-        cell = head[top]
-        if cell < 0:
-            top -= 1
-            continue
-        head[top] = following[cell]
-        for other in _beside(cell, height, width):
-            if other >= 0 and inside[other] and result[other] < 0:
-                result[other] = result[cell]
-                _enqueue(other, min(int(8 * depths[other]), top), head, tail, following)
-
-
-@compiled_part
-def _enqueue(cell: int, level: int, head: Ints, tail: Ints, following: Ints) -> None:
-    """Put a cell at the end of its level's queue."""
-    following[cell] = -1
-    if head[level] < 0:
-        head[level] = cell
-    else:
-        following[tail[level]] = cell
-    tail[level] = cell
 
 
 @compiled

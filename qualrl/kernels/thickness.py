@@ -19,14 +19,6 @@ ALL = np.uint64(2**64 - 1)
 
 
 @compiled
-def round_squares(distance: Floats, top: int, bottom: int) -> None:
-    """Round the squares of distances (H, W), updated, to whole numbers, in the rows from top to bottom."""
-    for row in range(top, bottom):
-        for column in range(distance.shape[1]):
-            distance[row, column] = np.sqrt(np.rint(distance[row, column] * distance[row, column]))
-
-
-@compiled
 def local_thickness(
     distance: Floats, centres: Ints, thickness: Floats, unpainted: Words, top: int, bottom: int
 ) -> None:

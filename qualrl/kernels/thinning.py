@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from qualrl.kernels.bands import both
 from qualrl.kernels.instructions import AHEAD, ask_around
 from qualrl.kernels.jit import compiled, compiled_bare, compiled_part
+from qualrl.kernels.scratch import borrowed
 
 Ints = NDArray[np.int32]
 RING = np.array([[0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0], [1, 1]], np.int64)
@@ -49,21 +50,24 @@ def _ring(flat: Ints, height: int, width: int, cell: int) -> int:
     return around
 
 
-def thin(label: Ints, order: Ints) -> Ints:
-    """(H, W) the shapes, each worn down, cells in the given order, to a line; -1 elsewhere.
+def thin(label: Ints, order: Ints) -> tuple[Ints, Ints]:
+    """(H, W) the shapes, each worn down, cells in the given order, to a line, -1 elsewhere; and the lines' cells.
 
-    label (H, W), -1 outside every shape; order: flat indices of the cells, those near the edge first.
+    label (H, W), -1 outside every shape; order: flat indices of the cells, those near the edge first.  The cells are
+    flat indices, too, in image order.
     """
-    line = label.copy()
+    line = borrowed(label.shape, np.int32)
+    line[:] = label
     # No cell of a shape looks at those of another, so that two threads may go over the same image.
     is_even = label.ravel()[order] % 2 == 0
-    both(*(partial(_wear_down, line.ravel(), line.shape[1], order[part]) for part in (is_even, ~is_even)))
-    return line
+    halves = [order[part] for part in (is_even, ~is_even)]
+    counts = both(*(partial(_wear_down, line.ravel(), line.shape[1], half) for half in halves))
+    return line, np.sort(np.concatenate([half[:count] for half, count in zip(halves, counts, strict=True)]))
 
 
 @compiled_bare
-def _wear_down(flat: Ints, width: int, rest: Ints) -> None:
-    """The image (H x W,) and the cells are updated."""
+def _wear_down(flat: Ints, width: int, rest: Ints) -> int:
+    """The image (H x W,) and the cells are updated; the first so many cells stay."""
     height = flat.size // width
     count, before = rest.size, rest.size + 1
     while count < before:
@@ -76,21 +80,22 @@ def _wear_down(flat: Ints, width: int, rest: Ints) -> None:
             else:
                 rest[count] = cell
                 count += 1
+    return count
 
 
 @compiled
-def prune(line: Ints, distance: NDArray[np.float32], least: float) -> Ints:
-    """(H, W) the lines, updated, without the spurs that corners and niches leave.
+def prune(line: Ints, cells: Ints, distance: NDArray[np.float32], least: float) -> None:
+    """Take away, from the image, the spurs that corners and niches leave on lines.
 
-    line (H, W): number of the shape that each cell of its line belongs to, -1 elsewhere; distance (H, W) to the
-    nearest cell that is not free.  A spur leads from a joint to its tip and reaches less than ``least`` times the
-    joint's distance beyond the disc there.  At each joint the shortest goes, again and again: what it met there may be
-    one line with the longer one.
+    line (H, W): number of the shape that each cell of its line belongs to, -1 elsewhere; cells: flat indices of these,
+    in image order; distance (H, W) to the nearest cell that is not free.  A spur leads from a joint to its tip and
+    reaches less than ``least`` times the joint's distance beyond the disc there.  At each joint the shortest goes,
+    again and again: what it met there may be one line with the longer one.
     """
     left = line
-    cells = np.flatnonzero(left.ravel() >= 0)
+    ends = cells[degrees(left, cells) == 1].astype(np.int64)
     while True:
-        joints, reaches, tips = _spurs(left, cells, distance, least)
+        joints, reaches, tips = _spurs(left, ends, distance, least)
         by_joint = np.argsort(joints, kind="mergesort")
         for at in range(len(tips)):
             spur = by_joint[at]
@@ -107,12 +112,14 @@ def prune(line: Ints, distance: NDArray[np.float32], least: float) -> Ints:
                 left[here // line.shape[1], here % line.shape[1]] = -1
                 here = after
         if not len(tips):
-            return left
-        cells = cells[left.ravel()[cells] >= 0]
+            return
+        # Only where a spur began there may be a new tip.
+        ends = np.unique(np.concatenate((ends, joints)))
+        ends = ends[left.ravel()[ends] >= 0]
 
 
 @compiled
-def degrees(line: Ints, cells: NDArray[np.int64]) -> Ints:
+def degrees(line: Ints, cells: Ints) -> Ints:
     """(N,) how many cells of the same line (H, W) share a side with each of the cells, flat indices on lines."""
     found = np.empty(cells.size, np.int32)
     for at in range(cells.size):

@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels.jit import compiled
-from qualrl.kernels.scratch import scratch
+from qualrl.kernels.scratch import borrowed
 
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int32]
+Floats = NDArray[np.float64]
 
 
 @compiled
@@ -76,16 +77,42 @@ def off_middle(found: Ints) -> Ints:
     return off
 
 
+@compiled
+def sharpness(x: Floats, y: Floats, cosine: Floats, sine: Floats) -> Floats:
+    """(N,) sum of squares of the two profiles of points x, y (M,), turned by an angle of some cosine and sine (N,).
+
+    A profile counts the points in each row (or column) of cells.
+    """
+    found, along = np.empty(cosine.size), np.empty(x.size)
+    longest = int(np.hypot(np.ptp(x), np.ptp(y))) + 3
+    profile = np.empty(longest, np.int64)
+    for angle in range(cosine.size):
+        total = np.int64(0)
+        for side in range(2):
+            for at in range(x.size):
+                if side:
+                    along[at] = y[at] * cosine[angle] - x[at] * sine[angle]
+                else:
+                    along[at] = x[at] * cosine[angle] + y[at] * sine[angle]
+            least = along.min()
+            profile[:] = 0
+            for at in range(x.size):
+                profile[np.int64(np.rint(along[at] - least))] += 1
+            for count in profile:
+                total += count * count
+        found[angle] = total
+    return found
+
+
 def apart(found: Ints, order: Ints, height: int, width: int, rows: int, slack: int) -> Flags:
     """(G,) which gaps stay when of those that lie side by side only the first in order does.
 
     Side by side: within so many rows, and less than ``slack`` columns from overlapping.
     """
     stays = np.zeros(len(found), np.bool_)
-    with scratch(-(-height * width // 4)) as block:
-        taken = block.view(np.bool_)[: height * width].reshape(height, width)
-        taken.fill(False)
-        _mark_apart(found, order, rows, slack, taken, stays)
+    taken = borrowed((height, width), np.bool_)
+    taken.fill(False)
+    _mark_apart(found, order, rows, slack, taken, stays)
     return stays
 
 

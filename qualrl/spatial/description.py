@@ -15,6 +15,7 @@ any), so that maps without units, whose cells count as a metre, have no halls fo
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import cv2
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 
 from qualrl.kernels import labels, zone_graph
 from qualrl.kernels import regions as kernels
+from qualrl.kernels.bands import both
 from qualrl.spatial.distance import distance_within
 from qualrl.spatial.naming import name_regions, ordered
 from qualrl.spatial.region_map import Doorway, Region, Shape
@@ -85,12 +87,19 @@ def measure(label: Labels, is_pocket: Flags, half_width: Floats) -> Parts:
     return Parts(label, cells, sums / cells[:, None], centre, half_width, is_pocket)
 
 
-def describe(
+def decided(
     parts: Parts, doorways: Sequence[Doorway], occupied: Flags, resolution_m: float
-) -> tuple[tuple[Region, ...], list[int]]:
-    """The regions in their order, with names, kinds and what decided these; and the number of each in ``parts``."""
+) -> tuple[list[Shape], list[str]]:
+    """The shapes of the regions and the kinds that follow from them, by number."""
     shapes = shapes_of(parts, doorways, occupied, resolution_m)
-    kinds = _kinds(parts.is_pocket, (parts.cells * resolution_m**2).tolist(), shapes, resolution_m <= WALLED_M)
+    areas_m2 = (parts.cells * resolution_m**2).tolist()
+    return shapes, _kinds(parts.is_pocket, areas_m2, shapes, resolution_m <= WALLED_M)
+
+
+def listed(
+    parts: Parts, shapes: Sequence[Shape], kinds: Sequence[str], resolution_m: float
+) -> tuple[tuple[Region, ...], list[int]]:
+    """The regions in their order, with names; and the number of each in ``parts``."""
     regions = recorded(parts, [("", kind) for kind in kinds], shapes, resolution_m)
     order = ordered(regions, resolution_m)
     return name_regions([regions[at] for at in order]), order
@@ -114,7 +123,8 @@ def recorded(
 def shapes_of(parts: Parts, doorways: Sequence[Doorway], occupied: Flags, resolution_m: float) -> list[Shape]:
     """The shape of each region."""
     count = len(parts.cells)
-    walls, unknown = labels.borders(parts.label, occupied, count).T
+    border_sides, sides = both(partial(labels.borders, parts.label, occupied, count), partial(_sides, parts))
+    walls, unknown = border_sides.T
     ways = np.zeros((count, 2), np.int64)
     opening = np.zeros(count, np.int64)
     for door in doorways:
@@ -126,7 +136,6 @@ def shapes_of(parts: Parts, doorways: Sequence[Doorway], occupied: Flags, resolu
     linked = np.where(parts.is_pocket, 0, parts.cells)
     says_walls = linked[walls >= unknown].sum() >= WALLED * linked.sum()
     half_width = parts.half_width.astype(np.float64)
-    sides = _sides(parts)
     stretch, fill = parts.cells / (2 * half_width) ** 2, parts.cells / sides.prod(axis=1)
     open_share = opening / border
     unknown_share = unknown / border if says_walls else np.zeros(count)

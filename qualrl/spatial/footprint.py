@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.errors import MapError, SettingError
+from qualrl.kernels import flooding
 from qualrl.kernels import regions as kernels
 from qualrl.spatial.description import mean_half_width, measure, recorded, shapes_of
 from qualrl.spatial.distance import distance_within, thickness_over
@@ -115,7 +116,7 @@ def _parts(label: Labels, fits: Flags) -> tuple[Labels, list[_Origin]]:
     main = np.zeros(count, np.bool_)
     main[list(largest.values())] = True
     seeds = np.where(fits & main[piece], piece, -1).astype(np.int32)
-    grown = kernels.flood(seeds, fits, np.zeros(fits.shape, np.float32))
+    grown = flooding.flood(seeds, fits, np.zeros(1, np.float32))
     grown = np.where(fits & (grown < 0), piece, grown)
     stay = sorted(set(np.unique(grown[fits]).tolist()), key=lambda at: (not main[at], int(owner[at]), at))
     # Parts of one island that nothing reaches touch no region that stays, but may touch each other.

@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels.bands import both
+from qualrl.kernels import marks as kernels
 from qualrl.kernels.labels import fill_holes, only
+from qualrl.kernels.scratch import borrowed
 from qualrl.kernels.thinning import degrees
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.region_map import CENTRE, Doorway, Landmark, Region
@@ -25,6 +26,8 @@ LEG_SHARE = 0.5
 """... and at least this share of their region's half-width."""
 CLEAR = 0.8
 """Dead ends are at least this share of their corridor's half-width from its walls."""
+MOST_ROUNDING = 4
+"""Corners are rounded off by so many cells at most."""
 CORNER_RAD = (0.8, 2.2)
 """The walls of a corner meet at an angle in this range."""
 
@@ -43,6 +46,19 @@ class Bend(NamedTuple):
     """Rows and columns to go to get farther into the corner."""
 
 
+class CorridorLines(NamedTuple):
+    """The lines midway between the walls of corridors, N cells of them."""
+
+    line: Ints
+    """(H, W) a number of its own for each corridor, -1 elsewhere."""
+    cells: NDArray[np.int64]
+    """(N,) flat indices."""
+    region: Ints
+    """(N,)"""
+    ways: Ints
+    """(N,) how many cells of the same line share a side with each."""
+
+
 def find_landmarks(
     label: Ints,
     regions: Sequence[Region],
@@ -50,6 +66,7 @@ def find_landmarks(
     distance: Floats,
     half_width: Floats,
     bends: Sequence[Bend],
+    lines: CorridorLines,
     resolution_m: float,
 ) -> tuple[Landmark, ...]:
     """All landmarks: doorways, corners, junctions, dead ends, centres; each kind by region and position.
@@ -58,15 +75,14 @@ def find_landmarks(
     half_width by region.
     """
     marks = [Landmark(door.name, "doorway", middle_of(door.cells), door.cells, door.pair) for door in doorways]
-    (junctions, dead_ends), corners = both(
-        lambda: _corridor_marks(label, regions, doorways, distance, half_width),
-        lambda: _corners(label, half_width, bends, resolution_m),
-    )
+    corners = _corners(label, half_width, bends, resolution_m)
+    junctions, dead_ends = _corridor_marks(label, regions, doorways, distance, half_width, lines)
     centres = [region.centre for region in regions if region.kind != "pocket"]
     for kind, cells in (("corner", corners), ("junction", junctions), ("dead end", dead_ends), (CENTRE, centres)):
-        for number, cell in enumerate(sorted(cells, key=lambda cell: (label[cell], cell)), start=1):
-            place = np.array([cell], np.int32)
-            place.setflags(write=False)
+        listed = sorted(cells, key=lambda cell: (label[cell], cell))
+        places = np.array(listed, np.int32).reshape(-1, 1, 2)
+        places.setflags(write=False)
+        for number, (cell, place) in enumerate(zip(listed, places, strict=True), start=1):
             marks.append(Landmark(f"{kind} {number}", kind, cell, place, (int(label[cell]),)))
     return tuple(marks)
 
@@ -104,27 +120,20 @@ def find_bends(free: Flags, resolution_m: float) -> list[Bend]:
 
 def _corners(label: Ints, half_width: Floats, bends: Sequence[Bend], resolution_m: float) -> list[Cell]:
     """The cells in bends whose walls are long for their region's width."""
-    tips = [(leg, _tip(label, cell, outward)) for leg, cell, outward in bends]
-    long = [(leg, cell) for leg, cell in tips if leg >= LEG_SHARE * half_width[label[cell]]]
-    return _spread(long, _least_leg(resolution_m))
+    if not bends:
+        return []
+    legs, cells, outward = (np.array(column) for column in zip(*bends, strict=True))
+    # Corners may have been rounded off where whiskers were taken off.
+    tips = kernels.into_corners(label, np.ravel_multi_index(tuple(cells.T), label.shape), outward, MOST_ROUNDING)
+    long = legs.astype(np.float32) >= np.float32(LEG_SHARE) * half_width[label.ravel()[tips]]
+    found = zip(legs[long].tolist(), _cells(tips[long], label), strict=True)
+    return _spread(list(found), _least_leg(resolution_m))
 
 
-def _tip(label: Ints, cell: Cell, outward: tuple[float, float], most: int = 4) -> Cell:
-    """The cell a few steps on into a corner, which may have been rounded off where whiskers were taken off."""
-    for _ in range(most):
-        row, column = cell
-        gains = [
-            (down * outward[0] + right * outward[1], (row + down, column + right))
-            for down, right in ((-1, 0), (0, -1), (0, 1), (1, 0))
-            if 0 <= row + down < label.shape[0]
-            and 0 <= column + right < label.shape[1]
-            and label[row + down, column + right] == label[cell]
-        ]
-        gain, after = max(gains, default=(0.0, cell))
-        if gain < 0.5:
-            break
-        cell = after
-    return cell
+def _cells(flat: NDArray[np.int64], label: Ints) -> list[Cell]:
+    """Rows and columns of cells that are given as flat indices."""
+    rows, columns = np.divmod(flat, label.shape[1])
+    return list(zip(rows.tolist(), columns.tolist(), strict=True))
 
 
 def _spread(found: list[tuple[float, Cell]], least: float) -> list[Cell]:
@@ -145,82 +154,56 @@ def _spread(found: list[tuple[float, Cell]], least: float) -> list[Cell]:
     return kept
 
 
+def corridor_lines(label: Ints, is_corridor: Flags, distance: Floats, half_width: Floats) -> CorridorLines:
+    """The lines of corridors: label (H, W), is_corridor and half_width by region, distance (H, W) as above."""
+    if not is_corridor.any():
+        return CorridorLines(np.zeros((0, 0), np.int32), np.zeros(0, np.int64), *np.zeros((2, 0), np.int32))
+    shape = _without_holes(only(label, is_corridor, distance), 2 * half_width)
+    line, cells = pruned_skeleton(shape, distance)
+    return CorridorLines(line, cells.astype(np.int64), shape.ravel()[cells], degrees(line, cells))
+
+
 def _corridor_marks(
-    label: Ints, regions: Sequence[Region], doorways: Sequence[Doorway], distance: Floats, half_width: Floats
-) -> tuple[list[Cell], list[Cell]]:
+    label: Ints, regions: Sequence[Region], doorways: Sequence[Doorway], distance: Floats, half_width: Floats,
+    lines: CorridorLines,
+) -> tuple[list[Cell], list[Cell]]:  # fmt: skip
     """Junctions and dead ends of the corridors: where lines of their skeletons meet, and end at no doorway."""
     is_corridor = np.array([region.kind == "corridor" for region in regions], np.bool_)
     if not is_corridor.any():
         return [], []
-    inside = only(label, is_corridor, distance)
-    width = 2 * half_width
-    shape = _without_holes(inside, width)
-    line = pruned_skeleton(shape, distance)
-    nodes = np.flatnonzero(line >= 0)
-    ways = degrees(line, nodes)
-    special = ways != 2
-    doors_of: dict[int, list[Ints]] = {}
-    for door in doorways:
-        for side in door.pair:
-            doors_of.setdefault(side, []).append(door.cells)
-    gateway = {region: np.concatenate(cells) for region, cells in doors_of.items()}
-    junctions: list[tuple[float, Cell]] = []
-    dead_ends: list[Cell] = []
-    for node, degree in zip(nodes[special].tolist(), ways[special].tolist(), strict=True):
-        cell = divmod(node, label.shape[1])
-        region = int(shape[cell])
-        if degree > 2:
-            junctions.append((float(distance[cell]), _free_beside(label, region, cell)))
-        elif degree <= 1 and not _is_near(gateway.get(region), cell, float(width[region])):
-            end = _clear_of_walls(line, cell, distance, float(half_width[region]))
-            dead_ends.append(_free_beside(label, region, end))
-    return _spread(junctions, float(width[is_corridor].mean()) + 1.0), list(dict.fromkeys(dead_ends))
+    line, nodes, region, ways = lines
+    is_joint, is_tip = ways > 2, ways <= 1
+    joints = kernels.nearest_of_region(label, nodes[is_joint], region[is_joint])
+    junctions = list(zip(distance.ravel()[nodes[is_joint]].tolist(), _cells(joints, label), strict=True))
+    ends = _dead_ends(label, line, nodes[is_tip], region[is_tip], doorways, distance, half_width)
+    return _spread(junctions, float((2 * half_width)[is_corridor].mean()) + 1.0), list(
+        dict.fromkeys(_cells(ends, label))
+    )
+
+
+def _dead_ends(
+    label: Ints, line: Ints, tips: NDArray[np.int64], region: Ints, doorways: Sequence[Doorway], distance: Floats,
+    half_width: Floats,
+) -> NDArray[np.int64]:  # fmt: skip
+    """A cell well inside the corridor for each tip (N,) of its lines (H, W) that lies at no doorway of its region."""
+    doors = sorted((side, at) for at, door in enumerate(doorways) for side in door.pair)
+    passed = np.concatenate([np.zeros((0, 2), np.int32), *(doorways[at].cells for _, at in doors)])
+    owner = np.repeat([side for side, _ in doors], [len(doorways[at].cells) for _, at in doors])
+    start = np.searchsorted(owner, np.arange(half_width.size + 1))
+    reach = np.maximum(2 * half_width, np.float32(1))
+    is_dead = ~kernels.within_reach(tips, label.shape[1], passed, start, region, reach)
+    tips, region = tips[is_dead], region[is_dead]
+    wide = half_width[region].astype(np.float64)
+    # Tips lie in corners.
+    ends = kernels.clear_of_walls(
+        line, tips, distance, (CLEAR * wide).astype(np.float32), np.floor(2 * wide).astype(np.int32)
+    )
+    return kernels.nearest_of_region(label, ends, region)
 
 
 def _without_holes(inside: Ints, width: Floats) -> Ints:
     """The shapes (H, W), updated: what stands free in them and is shorter than they are wide is filled."""
-    _, hole, stats, _ = cv2.connectedComponentsWithStats((inside < 0).view(np.uint8), connectivity=8)
+    room = borrowed(inside.shape, np.int32)
+    _, hole, stats, _ = cv2.connectedComponentsWithStats((inside < 0).view(np.uint8), room, connectivity=8)
     fill_holes(inside, hole, stats, width)
     return inside
-
-
-def _free_beside(label: Ints, region: int, cell: Cell) -> Cell:
-    """The cell itself, or the nearest one of its region if a thing stands there; of equally near ones the first."""
-    reach = 1
-    while label[cell] != region:
-        top, left = max(cell[0] - reach, 0), max(cell[1] - reach, 0)
-        around = label[top : cell[0] + reach + 1, left : cell[1] + reach + 1]
-        cells = np.argwhere(around == region) + np.array((top, left))
-        away = ((cells - cell) ** 2).sum(axis=1)
-        if away.size and away.min() <= reach**2:  # what lies beyond the square is farther
-            row, column = cells[np.argmin(away)]
-            return int(row), int(column)
-        reach *= 2
-    return cell
-
-
-def _clear_of_walls(line: Ints, tip: Cell, distance: Floats, half_width: float) -> Cell:
-    """The first cell of a line, from its tip on, that lies well inside its corridor: tips lie in corners."""
-    seen, here = {tip}, tip
-    while distance[here] < CLEAR * half_width and len(seen) <= 2 * half_width:
-        following = [cell for cell in _along(line, here) if cell not in seen]
-        if len(following) != 1:
-            break
-        (here,) = following
-        seen.add(here)
-    return here
-
-
-def _along(line: Ints, cell: Cell) -> list[Cell]:
-    """The cells of the same line that share a side with this one."""
-    row, column = cell
-    return [
-        (r, c)
-        for r, c in ((row - 1, column), (row, column - 1), (row, column + 1), (row + 1, column))
-        if 0 <= r < line.shape[0] and 0 <= c < line.shape[1] and line[r, c] == line[cell]
-    ]
-
-
-def _is_near(cells: Ints | None, cell: Cell, reach: float) -> bool:
-    """Whether one of some cells (N, 2), if there are any, is within reach of a cell."""
-    return cells is not None and bool((np.abs(cells - cell).max(axis=1) <= max(reach, 1.0)).any())

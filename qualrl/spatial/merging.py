@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.kernels import flooding, wall_gaps, zone_graph
 from qualrl.kernels import merging as kernels
 from qualrl.kernels import regions as zone_kernels
-from qualrl.kernels import wall_gaps, zone_graph
 from qualrl.kernels.bands import Result, both
 from qualrl.kernels.bonds import Bonds, linked
 from qualrl.kernels.labels import borders, consecutive, renumber, sizes
@@ -116,8 +116,8 @@ def _zones(view: View, cut: Flags) -> Labels:
     del distance, cut
     is_small = sizes(zone, count) < LEAST_ZONE_M2 / view.cell_m**2
     renumber(zone, np.where(is_small, -1, np.arange(count)).astype(np.int32))
-    zone_kernels.flood(zone, view.clear, view.distance)
-    zone_kernels.number_rest(zone, view.clear)
+    flooding.flood(zone, view.clear, view.distance)
+    flooding.number_rest(zone, view.clear)
     consecutive(zone)
     return zone
 

@@ -11,15 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.errors import SettingError
+from qualrl.kernels import flooding
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.bands import both
-from qualrl.kernels.labels import as_label, consecutive, labels_at, renumber, sizes
-from qualrl.kernels.scratch import kept_for_reuse
-from qualrl.spatial.description import describe, mean_half_width, measure
+from qualrl.kernels.labels import as_label, cells_with, consecutive, labels_at, renumber, sizes
+from qualrl.kernels.scratch import borrowed, kept_for_reuse
+from qualrl.spatial.description import decided, listed, mean_half_width, measure
 from qualrl.spatial.doorways import find_doorways, renumbered
 from qualrl.spatial.footprint import fitted
 from qualrl.spatial.joining import joined_regions
-from qualrl.spatial.landmarks import Bend, find_bends, find_landmarks
+from qualrl.spatial.landmarks import Bend, corridor_lines, find_bends, find_landmarks
 from qualrl.spatial.merging import merged_regions
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.region_map import RegionMap
@@ -67,31 +68,39 @@ def segment(
     view = look(free, resolution_m, furniture_m)
     on_grid = partial(_on_grid, view, grid)
     if resolution_m <= WALLED_M:
-        seen, (distance, thing, bends) = _walled(view, free, grid, furniture_m, min_area_m2, on_grid)
+        seen, (thing, bends) = _walled(view, free, grid, furniture_m, min_area_m2, on_grid)
     else:
         seen = view.one_a_cell(joined_regions(view, min_area_m2 / view.cell_m**2, pinch))
-        distance, thing, bends = on_grid()
+        thing, bends = on_grid()
+    distance, thickness = view.give_away("distance"), view.give_away("thickness")
     shown = view.posture.of(free[view.window])
-    seen = np.where(shown, seen, np.int32(-1))
-    thickness = view.width_on_grid(view.thickness)
-    view.forget()
-    label = view.placed(_settled(seen, shown, min_area_m2 / resolution_m**2), -1)
-    del seen, free, shown
+    found = borrowed(shown.shape, np.int32)
+    found.fill(-1)
+    np.copyto(found, seen, where=shown)
+    del seen
+    label = view.placed(_settled(found, shown, min_area_m2 / resolution_m**2), -1)
+    del view, on_grid, found, free, shown
     label.ravel()[in_pockets] = pocket + label.max() + 1
     is_pocket = np.zeros(consecutive(label), np.bool_)
     is_pocket[label.ravel()[in_pockets]] = True
     half_width = mean_half_width(label, thickness)
-    del view, on_grid, thickness
+    del thickness
     parts, unordered = both(
         partial(measure, label, is_pocket, half_width),
         partial(find_doorways, label, distance, thing, pinch * half_width, resolution_m),
     )
     del thing
-    regions, order = describe(parts, unordered, grid.occupied, resolution_m)
+    shapes, kinds = decided(parts, unordered, grid.occupied, resolution_m)
+    is_corridor = np.array(kinds) == "corridor"
+    (regions, order), lines = both(
+        partial(listed, parts, shapes, kinds, resolution_m),
+        partial(corridor_lines, label, is_corridor, distance, half_width),
+    )
     rank = np.argsort(order).astype(np.int32)
     renumber(label, rank)
     half_width, doorways = half_width[order], renumbered(unordered, rank.tolist())
-    landmarks = find_landmarks(label, regions, doorways, distance, half_width, bends, resolution_m)
+    lines = lines._replace(region=rank[lines.region])
+    landmarks = find_landmarks(label, regions, doorways, distance, half_width, bends, lines, resolution_m)
     return fitted(RegionMap(grid, label, regions, doorways, landmarks), radius_m)
 
 
@@ -102,8 +111,10 @@ def _without_pockets(free: Flags, least: float) -> tuple[Flags, NDArray[np.intp]
     island, cells = _pieces(as_label(free))
     is_pocket = cells < least
     is_pocket[np.argmax(cells)] = False
-    apart = free & is_pocket[island]
-    return free & ~apart, np.flatnonzero(apart), island[apart]
+    apart = cells_with(island, is_pocket)
+    linked = free.copy()
+    linked.ravel()[apart] = False
+    return linked, apart, island.ravel()[apart]
 
 
 def _check(**settings: tuple[float, float]) -> None:
@@ -116,16 +127,14 @@ def _check(**settings: tuple[float, float]) -> None:
 class _OnGrid(NamedTuple):
     """What the view knows, seen from the grid."""
 
-    distance: NDArray[np.float32]
-    """(H, W) from each cell to the nearest that is not free, 0 on those that are looked past."""
     thing: Things
     """(H, W) number of the piece of furniture at each cell, -1 where none."""
     bends: list[Bend]
 
 
 def _on_grid(view: View, grid: OccupancyGrid) -> _OnGrid:
-    distance = view.width_on_grid(view.distance)
-    return _OnGrid(distance, view.to_grid(view.thing, -1), find_bends((distance > 0) & grid.free, grid.resolution_m))
+    clear = view.to_grid(view.clear, 0)
+    return _OnGrid(view.to_grid(view.thing, -1), find_bends(clear & grid.free, grid.resolution_m))
 
 
 def _walled(
@@ -160,15 +169,15 @@ def _settled(seen: Labels, free: Flags, min_area: float) -> Labels:
     number = np.arange(cells.size, dtype=np.int32)
     np.copyto(seen, piece)
     label = renumber(seen, np.where(stays & (cells >= min_area), number, np.int32(-1)))
-    level = np.zeros(free.shape, np.float32)
+    level = np.zeros(1, np.float32)
     # Scraps, as between the rays of a scanner, go to the region beside them; where there is none, to themselves.
-    kernels.flood(label, free, level)
+    flooding.flood(label, free, level)
     left = free & (label < 0)
     if not left.any():
         return label
     np.copyto(label, renumber(piece, np.where(stays, number, np.int32(-1))), where=left)
-    kernels.flood(label, free, level)
-    return kernels.number_rest(label, free)
+    flooding.flood(label, free, level)
+    return flooding.number_rest(label, free)
 
 
 def _pieces(label: NDArray[np.signedinteger[Any]]) -> tuple[Labels, NDArray[np.int64]]:

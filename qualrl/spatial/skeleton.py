@@ -15,8 +15,10 @@ Ints = NDArray[np.int32]
 Floats = NDArray[np.float32]
 
 
-def pruned_skeleton(label: Ints, distance: Floats) -> Ints:
-    """(H, W) the shape whose middle line each cell is on, -1 elsewhere; lines go from side to side of cells.
+def pruned_skeleton(label: Ints, distance: Floats) -> tuple[Ints, Ints]:
+    """(H, W) the shape whose middle line each cell is on, -1 elsewhere; and the flat indices of the cells on lines.
+
+    Lines go from side to side of cells.
 
     label (H, W), -1 outside every shape; distance (H, W) to the nearest cell that is not free.
     """
@@ -24,4 +26,6 @@ def pruned_skeleton(label: Ints, distance: Floats) -> Ints:
     # Whole hundredths: distances that differ by rounding only must not decide.
     depth = np.rint(distance.ravel()[order] * 100)
     depth = depth.astype(np.uint16 if depth.max(initial=0) < 2**16 else np.int32)  # few bits are sorted much faster
-    return prune(thin(label, order[np.argsort(depth, kind="stable")]), distance, LEAST_REACH)
+    line, cells = thin(label, order[np.argsort(depth, kind="stable")])
+    prune(line, cells, distance, LEAST_REACH)
+    return line, cells[line.ravel()[cells] >= 0]

@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.kernels import flooding
 from qualrl.kernels import regions as kernels
-from qualrl.kernels.scratch import scratch
+from qualrl.kernels.scratch import borrowed
 from qualrl.spatial.distance import distance_within
 from qualrl.spatial.view import View
 
@@ -19,13 +20,13 @@ def straightened(region: Labels, view: View, most: float = np.inf) -> Labels:
     ends = kernels.crossings(region)
     if not len(ends):
         return region
-    with scratch(region.size) as block:
-        from_border = block.view(np.float32).reshape(region.shape)
-        if most <= NEAR:
-            kernels.distance_near(ends, most, from_border)
-        else:
-            beyond = np.ones(region.shape, np.bool_)
-            beyond.ravel()[ends] = False
-            from_border = distance_within(beyond)
-        kernels.keep_cores(region, from_border, view.thickness, np.float32(most))
-    return kernels.flood(region, view.clear, view.distance)
+    if most <= NEAR:
+        from_border = borrowed(region.shape, np.float32)
+        kernels.distance_near(ends, most, from_border)
+    else:
+        beyond = np.ones(region.shape, np.bool_)
+        beyond.ravel()[ends] = False
+        from_border = distance_within(beyond)
+    kernels.keep_cores(region, from_border, view.thickness, np.float32(most))
+    del from_border
+    return flooding.flood(region, view.clear, view.distance)

@@ -10,13 +10,14 @@ otherwise).  However a map is turned by quarters or mirrored, the view is the sa
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels import regions as kernels
+from qualrl.kernels.scratch import borrowed
 from qualrl.kernels.wall_gaps import single_gaps
 from qualrl.spatial.distance import distance_within, thickness_over
 from qualrl.spatial.posture import Number, Posture, posture
@@ -78,10 +79,11 @@ class View:
         """Work out distance and thickness now, where that costs least."""
         _ = self.thickness
 
-    def forget(self) -> None:
-        """Let go of distance and thickness, which take much memory."""
-        for name in ("distance", "thickness"):
-            self.__dict__.pop(name, None)
+    def give_away(self, name: Literal["distance", "thickness"]) -> Floats:
+        """(H, W) one of the two as ``width_on_grid`` makes it; the view forgets its own, which takes much memory."""
+        found = self.width_on_grid(getattr(self, name))
+        del self.__dict__[name]
+        return found
 
     def to_grid(self, array: NDArray[Number], elsewhere: int) -> NDArray[Number]:
         """(H, W) an array (h, w) as seen from the grid, and its value where the view does not reach."""
@@ -93,7 +95,7 @@ class View:
 
     def placed(self, shown: NDArray[Number], elsewhere: int) -> NDArray[Number]:
         """(H, W) what is shown of the window's cells, seen from the grid, and its value beyond the window."""
-        whole = np.empty(self.shape, shown.dtype)
+        whole = borrowed(self.shape, shown.dtype.type)
         rows, columns = self.window
         whole[: rows.start] = whole[rows.stop :] = elsewhere
         whole[rows, : columns.start] = whole[rows, columns.stop :] = elsewhere
@@ -180,7 +182,8 @@ def _furniture(free: Flags, cell_m: float, zoom: int, furniture_m: float) -> Thi
 
     cell_m: side of a cell of the view.
     """
-    _, thing, stats, _ = cv2.connectedComponentsWithStats((~free).astype(np.uint8), connectivity=8)
+    room = borrowed(free.shape, np.int32)
+    _, thing, stats, _ = cv2.connectedComponentsWithStats((~free).view(np.uint8), room, connectivity=8)
     width_m, height_m = stats[:, cv2.CC_STAT_WIDTH] * cell_m, stats[:, cv2.CC_STAT_HEIGHT] * cell_m
     solid = stats[:, cv2.CC_STAT_AREA] * cell_m**2 > 0.5 * width_m * height_m
     longer, shorter = np.maximum(width_m, height_m), np.minimum(width_m, height_m)

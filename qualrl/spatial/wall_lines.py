@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from qualrl.kernels import wall_gaps
 from qualrl.kernels.bands import both
+from qualrl.kernels.scratch import borrowed
 
 BAND_M, BRIDGE_M, WALL_M, GAP_M = 0.1, 0.3, 0.4, 4.0
 """Walls in one line lie within a band, have holes that are bridged, and a length; gaps are at most so wide."""
@@ -51,7 +52,7 @@ def find_wall_lines(wall: Flags, clear: Flags, cell_m: float) -> WallLines:
     there, size = _upright(turn_deg, wall.shape)
     walls, free = _turned(wall, clear, there, size)
     ends, lengths = [], []
-    across = partial(_gaps, np.asarray(cv2.transpose(walls)), np.asarray(cv2.transpose(free)), cell_m)
+    across = partial(_gaps, *_transposed(walls, free), cell_m)
     for flip, gap in enumerate(both(partial(_gaps, walls, free, cell_m), across)):
         slack = max(round(SLACK_M / cell_m), 1)
         row, first, last = gap[:, 0], gap[:, 1] - slack, gap[:, 2] + slack
@@ -84,24 +85,21 @@ def walls_of(occupied: Flags, clear: Flags) -> Flags:
 
 def main_turn_deg(wall: Flags) -> float:
     """From the rows to the nearer direction of the walls, -45 to 45 degrees: where their two profiles are sharpest."""
-    rows, columns = np.nonzero(wall)
-    step = max(rows.size // SAMPLE, 1)
-    y, x = rows[::step].astype(np.float64), columns[::step].astype(np.float64)
-    if y.size < 20:
+    cells = np.flatnonzero(wall)
+    cells = cells[:: max(cells.size // SAMPLE, 1)]
+    if cells.size < 20:
         return 0.0
-
-    def sharpness(degrees: float) -> float:
-        cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-        total = 0.0
-        for along in (x * cosine + y * sine, y * cosine - x * sine):
-            profile = np.bincount(np.rint(along - along.min()).astype(np.int64))
-            total += float((profile.astype(np.float64) ** 2).sum())
-        return total
-
-    rough = max(range(-45, 45), key=lambda degrees: (sharpness(degrees), -abs(degrees)))
-    tenths = range(10 * rough - 10, 10 * rough + 11)
-    turn_deg = max(tenths, key=lambda tenth: (sharpness(tenth / 10), -abs(tenth))) / 10
+    y, x = (along.astype(np.float64) for along in np.divmod(cells, wall.shape[1]))
+    rough = _sharpest(x, y, range(-45, 45), 1)
+    turn_deg = _sharpest(x, y, range(10 * rough - 10, 10 * rough + 11), 10) / 10
     return turn_deg if turn_deg >= -45 else turn_deg + 90
+
+
+def _sharpest(x: NDArray[np.float64], y: NDArray[np.float64], turns: range, parts: int) -> int:
+    """Of some turns, in so many parts of a degree, the one with the sharpest profiles; of equals the one nearest 0."""
+    radians = [np.radians(turn / parts) for turn in turns]
+    sharpness = wall_gaps.sharpness(x, y, np.cos(radians), np.sin(radians)).tolist()
+    return max(zip(sharpness, turns, strict=True), key=lambda found: (found[0], -abs(found[1])))[1]
 
 
 def _upright(turn_deg: float, shape: tuple[int, ...]) -> tuple[NDArray[np.float64], tuple[int, int]]:
@@ -121,16 +119,28 @@ def _turned(wall: Flags, clear: Flags, there: NDArray[np.float64], size: tuple[i
     walls, free = np.ascontiguousarray(wall).view(np.uint8), np.ascontiguousarray(clear).view(np.uint8)
     if size == wall.shape[::-1] and (there == np.eye(2, 3)).all():
         return walls, free
-    upright = cv2.warpAffine(walls * np.uint8(255), there, size, flags=cv2.INTER_LINEAR) > 100
-    return upright.view(np.uint8), np.asarray(cv2.warpAffine(free, there, size, flags=cv2.INTER_NEAREST), np.uint8)
+    upright, found = borrowed((2, size[1], size[0]), np.uint8)  # one piece of memory, as large as other arrays need
+    cv2.warpAffine(walls * np.uint8(255), there, size, upright, flags=cv2.INTER_LINEAR)
+    np.greater(upright, 100, out=upright.view(np.bool_))
+    cv2.warpAffine(free, there, size, found, flags=cv2.INTER_NEAREST)
+    return upright, found
+
+
+def _transposed(walls: Bytes, free: Bytes) -> tuple[Bytes, Bytes]:
+    """Both (rows, columns) with rows as columns."""
+    down, across = borrowed((2, *walls.shape[::-1]), np.uint8)
+    cv2.transpose(walls, down)
+    cv2.transpose(free, across)
+    return down, across
 
 
 def _gaps(wall: Bytes, clear: Bytes, cell_m: float) -> Ints:
     """(G, 5) the gaps of walls along the rows: see ``wall_gaps.gaps``; of those side by side the best supported."""
     band = np.ones((2 * round(BAND_M / cell_m) + 1, 1), np.uint8)
-    thick = cv2.dilate(wall, band)
+    thick = np.asarray(cv2.dilate(wall, band, borrowed(wall.shape, np.uint8)))
     bridge, least, most = (round(metres / cell_m) for metres in (BRIDGE_M, WALL_M, GAP_M))
     found = wall_gaps.gaps(thick.view(np.bool_), clear.view(np.bool_), bridge, max(least, 1), most)
+    del thick
     found = found[wall_gaps.off_middle(found) <= 1]
     order = np.lexsort((-found[:, 3:].max(axis=1), -found[:, 3:].min(axis=1))).astype(np.int32)
     beside, slack = round(BESIDE_M / cell_m), max(round(SLACK_M / cell_m), 1)
