@@ -2,11 +2,13 @@
 
 A loop is made of parts that only compiled loops call.  numba makes each of them as if it were to be called from
 Python: it optimizes it, makes machine code of it, and does both again where the part is linked into a loop.  Here a
-part is only tidied up, and becomes machine code as a piece of the loops that it is linked into.
+part becomes machine code only as a piece of the loops that it is linked into, and is optimized as a whole only there.
 numba also looks for closures, literals to unroll and much else that no loop here has, and goes through all that "+"
 could mean, strings and dates included, whenever it meets one.
+All this is done to the loops of this project alone, under names of numba that are looked for first.
 """
 
+import gc
 import operator
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,13 +16,14 @@ from types import ModuleType
 from typing import Any
 
 from llvmlite.binding import newpassmanagers
-from numba.core import codegen, compiler, environment, typed_passes, untyped_passes
-from numba.core.compiler_machinery import PassManager
+from numba.core import codegen, compiler, compiler_machinery, environment, typed_passes, untyped_passes
 from numba.core.types import Array, Boolean, Number, functions
 
 CodeLibrary: Any = codegen.JITCodeLibrary
 CompilerBase: Any = compiler.CompilerBase
 CalledFunction: Any = functions.BaseFunction
+PassManager: Any = compiler_machinery.PassManager
+lookup_environment: Any = environment.lookup_environment
 PASSES = tuple(
     (module, name)
     for module, names in (
@@ -54,6 +57,18 @@ def instead(module: ModuleType | type, name: str, value: object) -> Iterator[Non
         setattr(module, name, kept)
 
 
+@contextmanager
+def _garbage_left() -> Iterator[None]:
+    """Nothing is looked through for garbage as long as the block runs: a compiler makes much that it keeps."""
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collecting:
+            gc.enable()
+
+
 class LoopLibrary(CodeLibrary):  # type: ignore[misc]
     """Machine code of a loop."""
 
@@ -77,7 +92,7 @@ class LoopLibrary(CodeLibrary):  # type: ignore[misc]
         """Optimize it, and make machine code of it; its parts have their constants from here on."""
         super().finalize()
         for name in [variable.name for variable in self._final_module.global_variables]:
-            known = environment.lookup_environment(name)
+            known = lookup_environment(name)
             if known is not None:
                 self._codegen.set_env(name, known)
 
@@ -128,7 +143,7 @@ class LoopCompiler(CompilerBase):  # type: ignore[misc]
         return [passes]
 
     def _compile_core(self) -> Any:
-        with instead(CalledFunction, "get_call_type", meaning):
+        with instead(CalledFunction, "get_call_type", meaning), _garbage_left():
             return super()._compile_core()
 
 
