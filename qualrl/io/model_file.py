@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from qualrl.errors import MapError, QualrlError
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP, hybrid_mdp
-from qualrl.models.levels import Grouping
 from qualrl.models.tabular_mdp import TabularMDP
 from qualrl.qualitative.graph import crossings_of
 from qualrl.spatial.occupancy_grid import OccupancyGrid
@@ -55,11 +54,7 @@ def read_model(file: Path) -> HybridMDP:
     about, arrays = read_arrays(file, FORMAT)
     try:
         model = _unpack_map(about, arrays) if "map" in about else _unpack_table(about, arrays)
-        coarser = tuple(Grouping(tuple(names), tuple(of)) for names, of in about.get("coarser", []))
-        restored = replace(model, coarser=coarser) if coarser else model
-        if coarser and len(restored.levels) != 1 + len(coarser):  # built here: groups that do not fit are noticed here
-            raise ValueError("levels")
-        return restored
+        return _with_levels(model, about["coarser"]) if "coarser" in about else model
     except (KeyError, IndexError, TypeError, ValueError, QualrlError) as error:
         raise MapError(f"{file}: not a whole model file ({type(error).__name__}: {error})") from None
 
@@ -85,6 +80,16 @@ def read_arrays(file: Path, expected: str) -> tuple[dict[str, Any], Arrays]:
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise MapError(f"{file}: not a file of qualrl ({error})") from None
     return about, arrays
+
+
+def _with_levels(model: HybridMDP, stored: list[Any]) -> HybridMDP:
+    from qualrl.models.levels import Grouping  # networkx loads slowly, for few files
+
+    coarser = tuple(Grouping(tuple(names), tuple(of)) for names, of in stored)
+    restored = replace(model, coarser=coarser)
+    if len(restored.levels) != 1 + len(coarser):  # built here: groups that do not fit are noticed here
+        raise ValueError("levels")
+    return restored
 
 
 def _pack(model: HybridMDP) -> tuple[dict[str, Any], Arrays]:

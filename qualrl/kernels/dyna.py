@@ -45,7 +45,7 @@ def imagine(
     """Q-learning on outcomes drawn from what was seen.  Returns the stream."""
     for _ in range(dyna.steps):
         u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
-        row = uint64(dyna.order[below(u, tried)])
+        row = uint64(dyna.order[below(u, uint64(tried))])
         if slip is not None:
             u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
         if table is not None:

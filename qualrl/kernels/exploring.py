@@ -61,9 +61,10 @@ def _look_further(
         return -1
     if value[s] <= 0:
         return _way_back(levels.undoes, seen.tries, notes[NEEDED], s, uint64(notes[CAME_BY]), u, n_actions)
-    notes[PATIENCE] = min(2 * notes[PATIENCE], MOST_PATIENCE)
+    patience = 2 * notes[PATIENCE]
+    notes[PATIENCE] = patience if patience < MOST_PATIENCE else MOST_PATIENCE
     # So looking in vain costs next to nothing; but not always after as many steps, or it might be at one state alone.
-    notes[RETRY_AT] = notes[CLOCK] + notes[PATIENCE] * looked + int64(below(u, notes[PATIENCE]))
+    notes[RETRY_AT] = notes[CLOCK] + notes[PATIENCE] * looked + int64(below(u, uint64(notes[PATIENCE])))
     return -1
 
 
@@ -77,7 +78,7 @@ def untried(tries: Any, needed: Any, s: Any, u: Any, n_actions: Any) -> Any:
             n += 1
     if n == 0:
         return -1
-    skip = int64(below(u, n))
+    skip = int64(below(u, uint64(n)))
     for a in range(n_actions):
         if tries[row + uint64(a)] < needed:
             if skip == 0:

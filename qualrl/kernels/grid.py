@@ -33,22 +33,25 @@ def successors(state_of: Any, cells: Any, offsets: Any) -> Any:
 
     offsets (A, 2): row and column of each move.  A diagonal move needs both cells beside it free.
     """
-    result = np.empty((cells.shape[0], offsets.shape[0]), np.uint32)
-    _write_successors(state_of, cells, offsets, result)
-    return result
-
-
-@compiled_bare
-def _write_successors(state_of: Any, cells: Any, offsets: Any, result: Any) -> None:
     height, width = state_of.shape
-    for s in range(cells.shape[0]):
-        row, column = cells[s, 0], cells[s, 1]
-        for a in range(offsets.shape[0]):
-            r, c = row + offsets[a, 0], column + offsets[a, 1]
-            result[s, a] = s
-            inside = 0 <= r < height and 0 <= c < width
-            if inside and state_of[r, c] >= 0 and state_of[row, c] >= 0 and state_of[r, column] >= 0:
-                result[s, a] = state_of[r, c]
+    framed = np.full((height + 2, width + 2), -1, np.int32)
+    framed[1:-1, 1:-1] = state_of
+    free = state_of >= 0
+    result = np.empty((len(cells), len(offsets)), np.uint32)
+    state = np.arange(len(cells), dtype=np.int32)
+
+    def beside(down: int, right: int) -> Any:
+        """(S,) the state so far off, or -1."""
+        return framed[1 + down : 1 + down + height, 1 + right : 1 + right + width][free]
+
+    for a, (down, right) in enumerate(offsets.tolist()):
+        target = beside(down, right)
+        stays = target < 0
+        if down and right:
+            stays |= (beside(down, 0) < 0) | (beside(0, right) < 0)
+        np.copyto(target, state, where=stays)
+        result[:, a] = target
+    return result
 
 
 def breadth_first(successor: Any, sources: Any) -> Any:

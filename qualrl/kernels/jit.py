@@ -11,9 +11,11 @@ from typing import Any, TypeVar, cast
 
 from numba import njit
 
-from qualrl.kernels import numba_start
+from qualrl.kernels import numba_lean, numba_start
 
 Function = TypeVar("Function", bound=Callable[..., object])
+
+LEAN: dict[str, Any] = {"pipeline_class": numba_lean.LoopCompiler} if numba_lean.KNOWN else {}
 
 # Options of numba's own, which njit passes on but does not declare
 UNCOUNTED: dict[str, Any] = {"_nrt": False}
@@ -36,7 +38,7 @@ def compiled_bare(function: Function) -> Function:
 
 
 def _on_disk(function: Function, options: dict[str, Any]) -> Function:
-    loop = njit(nogil=True, **options)(function)
+    loop = njit(nogil=True, **LEAN, **options)(function)
     numba_start.keep_on_disk(loop)
     return cast(Function, loop)
 
@@ -46,13 +48,13 @@ def compiled_part(function: Function) -> Function:
 
     The way in from Python takes tuples of arrays apart, which is half of what a small part costs to compile.
     """
-    return cast(Function, njit(nogil=True, **UNCOUNTED, **NOT_FROM_C, **NOT_FROM_PYTHON)(function))
+    return cast(Function, njit(nogil=True, **LEAN, **UNCOUNTED, **NOT_FROM_C, **NOT_FROM_PYTHON)(function))
 
 
 def compiled_inline(function: Function) -> Function:
     """The same for a part that is called at each step with tuples of many arrays, which a call would copy."""
     inline: dict[str, Any] = {"forceinline": True}
-    return cast(Function, njit(nogil=True, **inline, **UNCOUNTED, **NOT_FROM_C, **NOT_FROM_PYTHON)(function))
+    return cast(Function, njit(nogil=True, **LEAN, **inline, **UNCOUNTED, **NOT_FROM_C, **NOT_FROM_PYTHON)(function))
 
 
 def forget_stale(folder: Path) -> None:

@@ -155,16 +155,18 @@ def run_steps(
                 if upper.counter == COUNT_EPISODE:
                     eta_steps = 0
         row = s * uint64(n_actions)
-        until, over = min(max_steps, t + n_steps - done), False
+        until, over = t + n_steps - done, False
+        if until > max_steps:
+            until = max_steps
         done -= t
         while not over and t < until:  # one test a step: what else ends a step is met outside
             u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
             at = s
             if policy is None:
-                a = below(u, n_actions) if (u >> uint64(32)) < explore else greedy(q, row, n_actions, u)
+                a = below(u, uint64(n_actions)) if (u >> uint64(32)) < explore else greedy(q, row, n_actions, u)
                 at = row + a
             if policy is not None:
-                a = below(u, n_actions)
+                a = below(u, uint64(n_actions))
                 if (u >> uint64(32)) >= explore and policy[s] >= 0:
                     a = uint64(policy[s])
             if visits is not None:

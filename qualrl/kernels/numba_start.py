@@ -6,16 +6,16 @@ can wait until something is compiled: that leaves out two fifths of the CPU time
 """
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import cached_property
-from types import ModuleType
 from typing import Any
 
 from llvmlite import binding
 from numba.core import caching, codegen, environment
 from numba.core.registry import cpu_target
 from numba.core.runtime import nrt, nrtdynmod
+
+from qualrl.kernels.numba_lean import instead
 
 FunctionCache: Any = caching.FunctionCache
 lookup_environment: Any = environment.lookup_environment
@@ -82,8 +82,8 @@ class LightCache(FunctionCache):  # type: ignore[misc]
         """What was compiled for a signature, or None; numba calls this under its lock."""
         start_counting()
         with (
-            _instead(environment, "_rebuild_env", light_environment),
-            _instead(CodeLibrary, "_unserialize", LateBitcode),
+            instead(environment, "_rebuild_env", light_environment),
+            instead(CodeLibrary, "_unserialize", LateBitcode),
             self._guard_against_spurious_io_errors(),
         ):
             found = self._load_overload(sig, target_context)
@@ -98,17 +98,6 @@ def keep_on_disk(loop: Any) -> None:
     if hasattr(loop, "_cache"):  # not where numba is switched off
         cache: Any = LightCache if KNOWN else FunctionCache
         loop._cache = cache(loop.py_func)
-
-
-@contextmanager
-def _instead(module: ModuleType | type, name: str, value: object) -> Iterator[None]:
-    """Another value under a name of a module or class, as long as the block runs."""
-    kept = getattr(module, name)
-    setattr(module, name, value)
-    try:
-        yield
-    finally:
-        setattr(module, name, kept)
 
 
 def light_environment(module: str, constants: list[Any], name: str) -> Any:
@@ -129,7 +118,7 @@ def light_environment(module: str, constants: list[Any], name: str) -> Any:
 
 def start_counting() -> None:
     """Give machine code the counting of references; does nothing more when numba was in use before."""
-    with _instead(nrtdynmod, "compile_nrt_functions", LateLibrary):
+    with instead(nrtdynmod, "compile_nrt_functions", LateLibrary):
         nrt.rtsys.initialize(cpu_target.target_context)
 
 
@@ -138,5 +127,5 @@ def start_compiler() -> None:
     from numba.np import linalg  # with it comes much of the compiler
 
     if hasattr(linalg, "ensure_blas"):
-        with _instead(linalg, "ensure_blas", lambda: None):
+        with instead(linalg, "ensure_blas", lambda: None):
             cpu_target.target_context.refresh()

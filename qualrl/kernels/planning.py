@@ -52,12 +52,14 @@ def run_planning(
             s, r0, r1, r2, r3 = started(starts, r0, r1, r2, r3)
             total = 0.0
         row = s * uint64(n_actions)
-        until, over = min(max_steps, t + n_steps - done), False
+        until, over = t + n_steps - done, False
+        if until > max_steps:
+            until = max_steps
         done -= t
         while not over and t < until:
             u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
             by_chance = (u >> uint64(32)) < explored
-            a = below(u, n_actions)
+            a = below(u, uint64(n_actions))
             wanted = -1
             if levels is not None:
                 wanted = asked_for(grid, slip, table, seen, levels, gamma, value, s, by_chance, u, n_actions)

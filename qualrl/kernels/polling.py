@@ -28,9 +28,11 @@ def _move_of(q: Any, policy: Any, here: Any, place: Any, n_actions: Any) -> Any:
     return move
 
 
-@compiled_inline
-def _keep(polled: Any, s: Any, move: Any, fresh: Any, value: Any) -> Any:
-    """Keep to a move of the learner's way in a state; what it is worth, ``value`` where nothing was polled for it."""
+def keep(polled: Any, s: Any, move: Any, fresh: Any, value: Any) -> Any:
+    """Keep to a move of the learner's way in a state; what it is worth, ``value`` where nothing was polled for it.
+
+    fresh: whether something was chosen at the top there.
+    """
     if polled[s, move] > -np.inf:
         value = polled[s, move]
     less = value - TIE * abs(value)
@@ -42,12 +44,7 @@ def _keep(polled: Any, s: Any, move: Any, fresh: Any, value: Any) -> Any:
     return value
 
 
-@compiled_bare
-def keep_way(states: Any, moves: Any, fresh: Any, polled: Any) -> Any:
-    """Keep to a way, state by state; fresh (N,): whether something was chosen at the top there."""
-    value = 0.0
-    for i in range(states.size):
-        value = _keep(polled, states[i], moves[i], fresh[i], value)
+_keep = compiled_inline(keep)
 
 
 @compiled_bare
@@ -70,7 +67,8 @@ def poll(
                 worth = q[here.row + place]
                 if worth > -np.inf:
                     move = _move_of(q, policy, here, place, n_actions)
-                    polled[s, move] = max(polled[s, move], worth)
+                    if worth > polled[s, move]:
+                        polled[s, move] = worth
     at, running, value = int64(start), int64(-1), 0.0
     while at >= 0 and not terminal[at] and not passed[at]:
         passed[at] = True

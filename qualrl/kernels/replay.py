@@ -91,8 +91,10 @@ def wait(levels: Any, s: Any, change: Any) -> Any:
 def to_change(q: Any, value: Any, s: Any, tolerance: Any, n_actions: Any) -> Any:
     """By how much the value of a state is to change to be the largest of its q; 0 if by next to nothing."""
     best = largest(q, s * uint64(n_actions), n_actions)
-    change = abs(best - value[s])
-    return change if change > tolerance * max(abs(best), abs(value[s])) else 0.0
+    change, size = abs(best - value[s]), abs(best)
+    if abs(value[s]) > size:
+        size = abs(value[s])
+    return change if change > tolerance * size else 0.0
 
 
 @compiled_inline

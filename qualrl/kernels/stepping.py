@@ -87,7 +87,8 @@ def rate_at(rate: Any, k: Any) -> Any:
         return rate[0]
     if k < EXACT:
         return rate[k]
-    return rate[min(EXACT + int(np.log(k / EXACT) / LOG_STEP), rate.size - 1)]
+    at = EXACT + int(np.log(k / EXACT) / LOG_STEP)
+    return rate[at if at < rate.size else rate.size - 1]
 
 
 @compiled_part
@@ -114,8 +115,8 @@ def draw(r0: Any, r1: Any, r2: Any, r3: Any) -> Any:
 
 @compiled_part
 def below(u: Any, n: Any) -> Any:
-    """A whole number below n from the low 32 bits of a draw."""
-    return ((u & uint64(0xFFFFFFFF)) * uint64(n)) >> uint64(32)
+    """A whole number below n from the low 32 bits of a draw; both are unsigned, so that it is compiled only once."""
+    return ((u & uint64(0xFFFFFFFF)) * n) >> uint64(32)
 
 
 @compiled_part
@@ -132,10 +133,11 @@ def largest(q: Any, row: Any, n_actions: Any) -> Any:
     for a in range(1, n_actions - 1):
         value = q[row + uint64(a)]
         if a % 2 == 0:
-            best = max(best, value)
-        else:
-            other = max(other, value)
-    return max(best, other)
+            if value > best:
+                best = value
+        elif value > other:
+            other = value
+    return other if other > best else best
 
 
 @compiled_part
@@ -154,7 +156,7 @@ def greedy(q: Any, row: Any, n_actions: Any, u: Any) -> Any:
             ties += 1
     if ties == 1:
         return chosen
-    skip = int64(below(u, ties))
+    skip = int64(below(u, uint64(ties)))
     chosen = uint64(0)
     while q[row + chosen] != best or skip > 0:
         if q[row + chosen] == best:
@@ -170,7 +172,9 @@ def slipped(a: Any, slip: Any, n_actions: Any, u: Any) -> Any:
     if x >= slip:
         return a
     other = uint64(x / slip * (n_actions - 1))
-    return (a + uint64(1) + min(other, uint64(n_actions - 2))) % uint64(n_actions)
+    if other > uint64(n_actions - 2):
+        other = uint64(n_actions - 2)
+    return (a + uint64(1) + other) % uint64(n_actions)
 
 
 @compiled_part
@@ -241,7 +245,7 @@ def started(starts: Any, r0: Any, r1: Any, r2: Any, r3: Any) -> Any:
     s = uint64(starts[0])
     if starts.size > 1:
         u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
-        s = uint64(starts[below(u, starts.size)])
+        s = uint64(starts[below(u, uint64(starts.size))])
     return s, r0, r1, r2, r3
 
 

@@ -222,7 +222,7 @@ def _pick(
         count = 0
         for e in range(low, high):
             count += own[e] > -np.inf
-    skip = int64(below(u, count))
+    skip = int64(below(u, uint64(count)))
     for e in range(low, high):
         if own[e] > -np.inf and (exploring or value[at + uint64(slot[e + shift])] + own[e] == best):
             if skip == 0:
@@ -267,7 +267,7 @@ def run_steps(
     explore = uint64(rates.epsilon * 4294967296.0)
     r0, r1, r2, r3, at, t, episode, total = resumed(progress)
     depth = progress.whole[DEPTH]
-    s, task = uint64(at), uint64(calls.task[max(depth, 0)])
+    s, task = uint64(at), uint64(calls.task[depth if depth > 0 else 0])
     here = _spot(graph, s)
     value, stale, powers = kept.value, kept.stale, kept.powers
     for n in range(powers.size):
@@ -282,7 +282,9 @@ def run_steps(
             total, depth, task, known = 0.0, int64(0), uint64(0), False
             calls.task[0] = 0
             here = _spot(graph, s)
-        until, over = min(rates.max_steps, t + n_steps - done), False
+        until, over = t + n_steps - done, False
+        if until > rates.max_steps:
+            until = rates.max_steps
         done -= t
         while not over and t < until:
             while graph.reach[task] != MOVES_IN_ORDER:  # down to a move, or to a task that calls nothing else
@@ -399,7 +401,9 @@ def poll(graph: Any, own: Any, outer: Any, kept: Any, actions: Any, begins: Any,
         for e in range(uint64(graph.begin[spot.tasks]), uint64(graph.end[spot.tasks])):
             slot = uint64(graph.slot[uint64(graph.child_start[spot.kind]) + e])
             worth = kept.value[spot.at + slot] + seen[spot.row + e]
-            polled[s, begins[slot]] = max(polled[s, begins[slot]], worth)
-            found = max(found, worth)
+            if worth > polled[s, begins[slot]]:
+                polled[s, begins[slot]] = worth
+            if worth > found:
+                found = worth
         if found == -np.inf:
             polled[s] = 0.0

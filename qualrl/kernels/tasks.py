@@ -13,7 +13,7 @@ import numpy as np
 from numba import int64, uint64
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled, compiled_bare, compiled_inline, compiled_part
+from qualrl.kernels.jit import compiled_bare, compiled_inline, compiled_part
 from qualrl.kernels.stepping import (
     OWN_REAL,
     OWN_WHOLE,
@@ -70,8 +70,29 @@ class Agents(NamedTuple):
     """(S,)"""
 
 
-@compiled
 def find_ways(
+    likely: Any, sources: Any, source_start: Any, landmark: Any, terminal: Any, slot_start: Any, kind_of: Any,
+    position: Any,
+) -> Any:  # fmt: skip
+    """(steps, move): for every state and option of it, how far its landmark is within the region, and the first move.
+
+    likely (S, A): where each move leads most often.
+    sources[source_start[l]..]: the states at landmark l.  slot_start (S + 1,): where the options of a state begin.
+    steps int32 is 0 at the landmark and -1 where no way leads there; move uint8 is NONE for both.
+    """
+    steps = np.full(slot_start[-1], -1, np.int32)
+    move = np.full(slot_start[-1], NONE, np.uint8)
+    back_start, back = _backwards(likely)
+    queue = np.empty(len(likely), np.int64)
+    _write_ways(
+        likely, back_start, back, sources, source_start, landmark, terminal, slot_start, kind_of, position, queue,
+        steps, move,
+    )  # fmt: skip
+    return steps, move
+
+
+@compiled_bare
+def _write_ways(
     likely: Any,
     back_start: Any,
     back: Any,
@@ -82,20 +103,16 @@ def find_ways(
     slot_start: Any,
     kind_of: Any,
     position: Any,
-) -> Any:
-    """(steps, move): for every state and option of it, how far its landmark is within the region, and the first move.
-
-    likely (S, A): where each move leads most often; back[back_start[s]..]: the states with a move to s.
-    sources[source_start[l]..]: the states at landmark l.  slot_start (S + 1,): where the options of a state begin.
-    steps int32 is 0 at the landmark and -1 where no way leads there; move uint8 is NONE for both.
-    """
-    steps = np.full(slot_start[-1], -1, np.int32)
-    move = np.full(slot_start[-1], NONE, np.uint8)
-    queue = np.empty(likely.shape[0], np.int64)
+    queue: Any,
+    steps: Any,
+    move: Any,
+) -> None:
+    """back[back_start[s]..]: the states with a move to s; queue (S,) is room to work in; the rest: ``find_ways``."""
     n_options = landmark.size
     for o in range(n_options):
         end = 0
-        for s in sources[source_start[landmark[o]] : source_start[landmark[o] + 1]]:
+        for i in range(source_start[landmark[o]], source_start[landmark[o] + 1]):
+            s = sources[i]
             steps[slot_start[s] + position[kind_of[s] * n_options + o]] = 0
             queue[end] = s
             end += 1
@@ -116,7 +133,6 @@ def find_ways(
                 while not _is_step_nearer(likely[s, a], further, steps, slot_start, kind_of, position, o, n_options):
                     a += 1
                 move[slot_start[s] + place] = a
-    return steps, move
 
 
 @compiled_part
@@ -128,24 +144,23 @@ def _is_step_nearer(
     return place >= 0 and steps[slot_start[t] + place] == further - 1
 
 
-@compiled
-def backwards(likely: Any) -> Any:
+def _backwards(likely: Any) -> Any:
     """(back_start (S + 1,), back): for each state, those with a move that leads there most often."""
-    n_states, n_actions = likely.shape
-    start = np.zeros(n_states + 1, np.int64)
-    for s in range(n_states):
-        for a in range(n_actions):
-            start[likely[s, a] + 1] += 1
-    for s in range(n_states):
-        start[s + 1] += start[s]
-    back = np.empty(n_states * n_actions, np.int64)
-    filled = start.copy()
-    for s in range(n_states):
-        for a in range(n_actions):
+    start = np.zeros(len(likely) + 1, np.int64)
+    np.cumsum(np.bincount(likely.ravel(), minlength=len(likely)), out=start[1:])
+    back = np.empty(likely.size, np.int64)
+    _write_back(likely, start[:-1].copy(), back)
+    return start, back
+
+
+@compiled_bare
+def _write_back(likely: Any, filled: Any, back: Any) -> None:
+    """Filled (S,): where the list of each state begins, and afterwards ends."""
+    for s in range(likely.shape[0]):
+        for a in range(likely.shape[1]):
             t = likely[s, a]
             back[filled[t]] = s
             filled[t] += 1
-    return start, back
 
 
 @compiled_inline
@@ -168,7 +183,7 @@ def chosen(q: Any, low: Any, high: Any, best: Any, ties: Any, exploring: Any, u:
         count = 0
         for i in range(low, high):
             count += q[i] > -np.inf
-    skip = int64(below(u, count))
+    skip = int64(below(u, uint64(count)))
     place = low
     while skip > 0 or not (q[place] > -np.inf if exploring else q[place] == best):
         if q[place] > -np.inf if exploring else q[place] == best:
@@ -241,7 +256,8 @@ def _worth(q: Any, n_actions: Any, there: Any, worst: Any) -> Any:
         if q[there.row + x] > -np.inf:
             low = there.row + there.k + n_actions + x * n_actions
             best = scan(q, low, low + n_actions)[0]
-            worth = max(worth, best) if found else best
+            if not found or best > worth:
+                worth = best
             found = True
     return worth
 
@@ -328,7 +344,9 @@ def run_steps(
             s, total, running, pending = int64(at), 0.0, -1, -1
             here = spot_of(rows, n_options, s)
         place = int64(rows.position[here.base + running]) if running >= 0 else int64(-1)
-        until, over = min(rates.max_steps, t + n_steps - done), False
+        until, over = t + n_steps - done, False
+        if until > rates.max_steps:
+            until = rates.max_steps
         done -= t
         while not over and t < until:
             if running < 0:

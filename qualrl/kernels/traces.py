@@ -109,10 +109,16 @@ def run_ahead(
         if t == 0:
             s, r0, r1, r2, r3 = started(starts, r0, r1, r2, r3)
             u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
-            a = below(u, n_actions) if (u >> uint64(32)) < explore else greedy(q, s * uint64(n_actions), n_actions, u)
+            a = (
+                below(u, uint64(n_actions))
+                if (u >> uint64(32)) < explore
+                else greedy(q, s * uint64(n_actions), n_actions, u)
+            )
             total, owed, fade = 0.0, 0.0, 1.0
         row = s * uint64(n_actions) + a
-        until, over = min(rates.max_steps, t + n_steps - done), False
+        until, over = t + n_steps - done, False
+        if until > rates.max_steps:
+            until = rates.max_steps
         done -= t
         while not over and t < until:
             if visits is not None:
@@ -134,7 +140,7 @@ def run_ahead(
                         _give(q, trace, next_row + uint64(b), owed)
                     error = reward - q[row]  # which may be one of them
                 u, r0, r1, r2, r3 = draw(r0, r1, r2, r3)
-                a = below(u, n_actions) if (u >> uint64(32)) < explore else greedy(q, next_row, n_actions, u)
+                a = below(u, uint64(n_actions)) if (u >> uint64(32)) < explore else greedy(q, next_row, n_actions, u)
                 best = largest(q, next_row, n_actions)
                 on_course = t < rates.max_steps
                 if on_policy is not None:

@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels import polling as kernel
+from qualrl.kernels.polling import keep
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.models.landmark_ways import LandmarkWays, likely_targets, terminal_states
 
@@ -49,13 +49,12 @@ def keep_to_choices(
     if model.start is None:
         return polled
     likely, terminal = likely_targets(model), terminal_states(model)
-    state, running, way = model.start, None, dict[int, tuple[int, bool]]()
-    while not terminal[state] and state not in way:
+    state, running, value, passed = model.start, None, 0.0, set[int]()
+    while not terminal[state] and state not in passed:
+        passed.add(state)
         running, move, fresh = step(state, running)
-        way[state] = move, fresh
+        value = keep(polled, state, move, fresh, value)
         state = int(likely[state, move])
-    made = np.array(list(way.values()), np.int64).reshape(-1, 2)
-    kernel.keep_way(np.array(list(way), np.int64), made[:, 0], made[:, 1], polled)
     return polled
 
 

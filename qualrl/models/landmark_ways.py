@@ -62,9 +62,8 @@ class LandmarkWays:
         slot_start = np.concatenate([[0], np.cumsum(lives.sum(axis=1)[kind_of])])
         by_mark = np.argsort(level.landmark_of, kind="stable")
         source_start = np.searchsorted(level.landmark_of[by_mark], np.arange(len(level.names) + 1))
-        back_start, back = kernel.backwards(likely)
         steps, move = kernel.find_ways(
-            likely, back_start, back, by_mark, source_start, landmark, terminal, slot_start, kind_of, position.ravel()
+            likely, by_mark, source_start, landmark, terminal, slot_start, kind_of, position.ravel()
         )
         names = tuple(f"go to {level.names[mark]} in {model.region_names[region]}" for region, mark in pairs)
         option = np.nonzero(lives)[1].astype(np.int32)

@@ -1,0 +1,162 @@
+"""numba compiling without what the loops of this project have no use for: a good third of the time that it takes.
+
+A loop is made of parts that only compiled loops call.  numba makes each of them as if it were to be called from
+Python: it optimizes it, makes machine code of it, and does both again where the part is linked into a loop.  Here a
+part becomes machine code only as a piece of the loops that it is linked into, and is optimized as a whole only there.
+numba also looks for closures, literals to unroll and much else that no loop here has, and goes through all that "+"
+could mean, strings and dates included, whenever it meets one.
+All this is done to the loops of this project alone, under names of numba that are looked for first.
+"""
+
+import gc
+import operator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import ModuleType
+from typing import Any
+
+from llvmlite.binding import newpassmanagers
+from numba.core import codegen, compiler, compiler_machinery, environment, typed_passes, untyped_passes
+from numba.core.types import Array, Boolean, Number, functions
+
+CodeLibrary: Any = codegen.JITCodeLibrary
+CompilerBase: Any = compiler.CompilerBase
+CalledFunction: Any = functions.BaseFunction
+PassManager: Any = compiler_machinery.PassManager
+lookup_environment: Any = environment.lookup_environment
+PASSES = tuple(
+    (module, name)
+    for module, names in (
+        (untyped_passes, "TranslateByteCode FixupArgs IRProcessing RewriteSemanticConstants DeadBranchPrune"),
+        (untyped_passes, "GenericRewrites RewriteDynamicRaises ReconstructSSA"),
+        (typed_passes, "NopythonTypeInference PreLowerStripPhis NopythonRewrites IRLegalization AnnotateTypes"),
+        (typed_passes, "NativeLowering NoPythonBackend"),
+    )
+    for name in names.split()
+)
+"""What is done with a loop, in order: of numba's passes those that change anything in one."""
+KNOWN = (
+    all(hasattr(module, name) for module, name in PASSES)
+    and all(hasattr(CodeLibrary, name) for name in ("_optimize_functions", "_get_module_for_linking", "finalize"))
+    and hasattr(CompilerBase, "define_pipelines")
+    and hasattr(CalledFunction, "get_call_type")
+    and hasattr(newpassmanagers, "create_new_function_pass_manager")
+)
+"""Whether numba has the names that this file relies on; one that has others compiles as it always does."""
+OPERATORS = frozenset(found for found in vars(operator).values() if callable(found))
+
+
+@contextmanager
+def instead(module: ModuleType | type, name: str, value: object) -> Iterator[None]:
+    """Another value under a name of a module or class, as long as the block runs."""
+    kept = getattr(module, name)
+    setattr(module, name, value)
+    try:
+        yield
+    finally:
+        setattr(module, name, kept)
+
+
+@contextmanager
+def _garbage_left() -> Iterator[None]:
+    """Nothing is looked through for garbage as long as the block runs: a compiler makes much that it keeps."""
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collecting:
+            gc.enable()
+
+
+class LoopLibrary(CodeLibrary):  # type: ignore[misc]
+    """Machine code of a loop."""
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        """What is done before parts are linked in, with what is not only declared."""
+        ll_module.data_layout = self._codegen._data_layout
+        for function in ll_module.functions:
+            if not function.is_declaration:
+                passes, builder = self._passes()
+                passes.run(function, builder)
+
+    def _passes(self) -> tuple[Any, Any]:
+        """Tidying up only: all is optimized once the parts are in."""
+        passes = newpassmanagers.create_new_function_pass_manager()
+        passes.add_sroa_pass()
+        passes.add_simplify_cfg_pass()
+        passes.add_instruction_combine_pass()
+        return passes, self._codegen._pass_builder()
+
+    def finalize(self) -> None:
+        """Optimize it, and make machine code of it; its parts have their constants from here on."""
+        super().finalize()
+        for name in [variable.name for variable in self._final_module.global_variables]:
+            known = lookup_environment(name)
+            if known is not None:
+                self._codegen.set_env(name, known)
+
+
+class PartLibrary(LoopLibrary):
+    """A part of loops: there is no machine code of it but where it is linked in."""
+
+    def finalize(self) -> None:
+        """Link its own parts in."""
+        for library in dict.fromkeys(self._linking_libraries):
+            self._reload_init.update(library._reload_init)
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._finalized = True
+
+    def _passes(self) -> tuple[Any, Any]:
+        """What numba does: without it loops were made that ran at half the speed."""
+        found: tuple[Any, Any] = self._codegen._function_pass_manager()
+        return found
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Where a function's machine code is in memory: nowhere."""
+        self._ensure_finalized()
+        return 0
+
+    @property
+    def codegen(self) -> "PartLibrary":
+        """What numba tells a function's constants to: see ``set_env``."""
+        return self
+
+    def set_env(self, name: str, constants: Any) -> None:
+        """The loop that the part is linked into tells its machine code."""
+
+
+class LoopCompiler(CompilerBase):  # type: ignore[misc]
+    """Compiles a loop, or a part of one that is not to be called from Python."""
+
+    def define_pipelines(self) -> list[Any]:
+        """What is done with it."""
+        state = self.state
+        if state.library is None:
+            kind = PartLibrary if state.flags.no_cpython_wrapper else LoopLibrary
+            state.library = kind(state.targetctx.codegen(), state.func_id.func_qualname)
+            state.library.enable_object_caching()
+        passes = PassManager("loop")
+        for module, name in PASSES:
+            passes.add_pass(getattr(module, name), name)
+        passes.finalize()
+        return [passes]
+
+    def _compile_core(self) -> Any:
+        with instead(CalledFunction, "get_call_type", meaning), _garbage_left():
+            return super()._compile_core()
+
+
+look_up: Callable[..., Any] = CalledFunction.get_call_type
+_meanings: dict[tuple[Any, ...], Any] = {}
+
+
+def meaning(function: Any, context: Any, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
+    """What a call means for arguments of some types: for operators on numbers and arrays, worked out only once."""
+    plain = function.key[0] in OPERATORS and all(isinstance(kind, Number | Boolean | Array) for kind in arguments)
+    if not plain or named:
+        return look_up(function, context, arguments, named)
+    key = function, context, arguments
+    if key not in _meanings:
+        _meanings[key] = look_up(function, context, arguments, named)
+    return _meanings[key]
