@@ -104,10 +104,10 @@ REFUSED = {
 
 @pytest.mark.parametrize("text", REFUSED)
 def test_what_is_refused_says_where_why_and_what_to_do(text):
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(FormulaError) as problem:
         parse_formula(text)
-    assert time.perf_counter() - began < 2
+    assert time.process_time() - began < 2
     assert REFUSED[text] in str(problem.value)
     assert str(problem.value).startswith("column ")
     assert ";" in str(problem.value)
@@ -138,12 +138,12 @@ FORMULA_LETTERS = st.text("k0123456789.+-*/^(),e explogsqrtminmaxflorceilabs_'[]
 
 def read_quietly(text: str) -> None:
     """Read any text: a formula or a FormulaError of one line, soon."""
-    began, message = time.perf_counter(), None
+    began, message = time.process_time(), None
     try:
         found = parse_formula(text, most_parameters=2)
     except FormulaError as problem:
         message = str(problem)
-    seconds = time.perf_counter() - began
+    seconds = time.process_time() - began
     assert found.text == text if message is None else message.startswith("column ") and "\n" not in message
     assert seconds < 2
 

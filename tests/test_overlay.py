@@ -199,9 +199,9 @@ def test_kinds_that_nobody_has_heard_of_are_drawn_too():
 def test_hundreds_of_small_regions_are_no_heap_of_text():
     regions = qualrl.segment(chessboard(30))
     assert len(regions.regions) > 800
-    started = time.perf_counter()
+    started = time.process_time()
     figure = overlay_figure(regions, size=(600, 400))
-    assert time.perf_counter() - started < 10
+    assert time.process_time() - started < 10
     words = [text.get_text() for text in texts_of(figure)]
     assert len(words) < 30
     assert any(f"without a name here: {len(regions.regions):,} regions" in word for word in words)
