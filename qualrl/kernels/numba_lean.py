@@ -35,13 +35,22 @@ PASSES = tuple(
     for name in names.split()
 )
 """What is done with a loop, in order: of numba's passes those that change anything in one."""
-KNOWN = (
-    all(hasattr(module, name) for module, name in PASSES)
-    and all(hasattr(CodeLibrary, name) for name in ("_optimize_functions", "_get_module_for_linking", "finalize"))
-    and hasattr(CompilerBase, "define_pipelines")
-    and hasattr(CalledFunction, "get_call_type")
-    and hasattr(newpassmanagers, "create_new_function_pass_manager")
+USED = (
+    (newpassmanagers, "create_new_function_pass_manager"),
+    (getattr(newpassmanagers, "FunctionPassManager", None), "add_sroa_pass"),
+    (getattr(newpassmanagers, "FunctionPassManager", None), "add_simplify_cfg_pass"),
+    (getattr(newpassmanagers, "FunctionPassManager", None), "add_instruction_combine_pass"),
+    (CodeLibrary, "_optimize_functions"),
+    (CodeLibrary, "_get_module_for_linking"),
+    (CodeLibrary, "finalize"),
+    (codegen.JITCPUCodegen, "_function_pass_manager"),
+    (codegen.JITCPUCodegen, "_pass_builder"),
+    (codegen.JITCPUCodegen, "set_env"),
+    (CompilerBase, "define_pipelines"),
+    (CompilerBase, "_compile_core"),
+    (CalledFunction, "get_call_type"),
 )
+KNOWN = all(hasattr(owner, name) for owner, name in (*PASSES, *USED))
 """Whether numba has the names that this file relies on; one that has others compiles as it always does."""
 OPERATORS = frozenset(found for found in vars(operator).values() if callable(found))
 
