@@ -9,6 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import qualrl
+from qualrl.answers.policy import moves_as_good
 from qualrl.errors import NoPlanError, SettingError
 from qualrl.planning.legs import legs_of
 from qualrl.planning.one_doorway import Room
@@ -190,3 +191,12 @@ def test_what_is_lost_near_gamma_1_is_told_where_it_is_more_than_values_may_be_o
             lost = now - exact_values(shut.world).value[model.start]
             assert (door.name in told) == (lost > answer.off)
             assert told.get(door.name, lost) == pytest.approx(lost, abs=answer.off)
+
+
+@pytest.mark.parametrize("directions", [4, 8])
+def test_near_gamma_1_moves_are_as_good_only_where_they_are_at_smaller_ones(directions):
+    regions, found = regions_of(BENT), []
+    for gamma in (0.9999, 0.999999):
+        model = qualrl.build(regions, [1, 1], start=[6, 7], gamma=gamma, slip=0.001, directions=directions)
+        found.append(moves_as_good(model, exact_values(model.world)))
+    np.testing.assert_array_equal(*found)

@@ -58,7 +58,7 @@ class Worth:
 
 def worth_of(world: GridWorld, shifted: float, shift: float) -> Worth:
     """A shifted value that was solved in a world."""
-    return Worth(float(shifted), shift, off_of(world, float(shifted), shift))
+    return Worth(float(shifted), shift, float(off_of(world, float(shifted), shift)))
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ S states, A actions.  See ``kernels.bellman`` for the shift that keeps far place
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from qualrl.models.grid_world import GridWorld
 from qualrl.models.tabular_mdp import TabularMDP
 
 World = GridWorld | TabularMDP
+Values = TypeVar("Values", float, NDArray[np.float64])
 
 TOLERANCE = 1e-12
 NOTHING = 1e-12
@@ -103,8 +104,8 @@ def values_between(world: GridWorld, span: SlipSpan) -> ExactValues:
     return ExactValues(value, shifted, shift)
 
 
-def error_at(world: GridWorld, shifted: float, shift: float) -> float:
-    """By how much a settled shifted value of a state may be off at most, and one built on settled values, too.
+def error_at(world: GridWorld, shifted: Values, shift: float) -> Values:
+    """By how much settled shifted values may be off at most, and those built on settled values, too.
 
     No value settles further than 1e-12 of the largest from its backup, and the discounted sum of these is at most so
     many times as much as the discounted count of steps to the goal.  The less of that, the more is left of what the
@@ -113,18 +114,19 @@ def error_at(world: GridWorld, shifted: float, shift: float) -> float:
     """
     on_the_way = float(shifted_rewards(world.move_reward, shift, world.gamma).max()) / (1 - world.gamma)
     goal = world.goal_reward + shift
-    steps = 1 / (1 - world.gamma)
+    left: Values = 0.0 * shifted
     if world.gamma * on_the_way < goal:
         left = world.gamma * (shifted - on_the_way) / (goal - world.gamma * on_the_way)
-        steps *= 1 - min(max(left, 0.0), world.gamma)
+    steps: Values = (1 - np.clip(left, 0.0, world.gamma)) / (1 - world.gamma)
     return 2 * TOLERANCE * max(goal, on_the_way) * steps
 
 
-def off_of(world: GridWorld, shifted: float, shift: float) -> float:
-    """By how much a shifted value is off at most: added up along a way, or, where moves slip, settled."""
+def off_of(world: GridWorld, shifted: Values, shift: float) -> Values:
+    """By how much shifted values are off at most: added up along a way, or, where moves slip, settled."""
     if world.slip == 0:
         return OFF * abs(shifted)
-    return min(OFF_SLIPPING * abs(shifted), error_at(world, shifted, shift))
+    found: Values = np.minimum(OFF_SLIPPING * np.abs(shifted), error_at(world, shifted, shift))
+    return found
 
 
 def _floor(world: World, shift: float, error: float | None) -> float:
