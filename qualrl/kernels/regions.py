@@ -85,8 +85,7 @@ def pieces(label: Any) -> tuple[Ints, int]:
         _unite_pieces(flat, width, top, bottom, sets)
         return top
 
-    for top in in_bands(unite, label.shape)[1:]:
-        _unite_seam(flat, width, top, sets)
+    _unite_seams(flat, width, np.array(in_bands(unite, label.shape)[1:], np.int64), sets)
     return forest, _numbered(sets)
 
 
@@ -108,11 +107,12 @@ def _unite_pieces(flat: Any, width: int, top: int, bottom: int, forest: Ints) ->
 
 
 @compiled_bare
-def _unite_seam(flat: Any, width: int, row: int, forest: Ints) -> None:
-    """Unite the pieces of a row with those of the row above."""
-    for cell in range(row * width, (row + 1) * width):
-        if flat[cell] >= 0 and flat[cell - width] == flat[cell]:
-            _unite(forest, _root(forest, cell - width), _root(forest, cell))
+def _unite_seams(flat: Any, width: int, rows: NDArray[np.int64], forest: Ints) -> None:
+    """Unite the pieces of some rows with those of the rows above."""
+    for row in rows:
+        for cell in range(row * width, (row + 1) * width):
+            if flat[cell] >= 0 and flat[cell - width] == flat[cell]:
+                _unite(forest, _root(forest, cell - width), _root(forest, cell))
 
 
 @compiled_part
