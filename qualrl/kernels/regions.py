@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from qualrl.kernels.bands import in_bands
 from qualrl.kernels.bonds import Bonds, append, find, tidy
+from qualrl.kernels.flooding import BLOCK
 from qualrl.kernels.instructions import AHEAD, ask_around, prefetch
 from qualrl.kernels.jit import compiled, compiled_bare, compiled_part
 from qualrl.kernels.scratch import borrowed
@@ -38,8 +39,6 @@ class Rules(NamedTuple):
     """A place's area is at least this."""
 
 
-BLOCK = 64
-"""So many cells of a row are looked at together, to pass over them where there is nothing to do."""
 NO_SET = np.int32(-(2**31))
 """In a forest of sets each cell holds the next one on the way to its root, a root less the size of its set (at most
 2**30), and a cell in no set this."""

@@ -195,9 +195,10 @@ def _step_through(
     other = others[0]
     margin = taken.shifted - other.shifted
     other_value = values.plain(other.shifted)
-    off = [off_of(model.grid, of.shifted, values.shift) for of in (taken, other)]
-    if abs(margin) <= sum(off):
-        reason = f"worth {value:.6g}, exactly as much as {action(other)}"
+    off = sum(off_of(model.grid, of.shifted, values.shift) for of in (taken, other))
+    if abs(margin) <= off:
+        alike = f"to within {off:.1g} as much" if model.grid.slip > 0 else "exactly as much"
+        reason = f"worth {value:.6g}, {alike} as {action(other)}"
     elif margin > 0:
         reason = (
             f"worth {value:.6g}, which is {margin:.3g} more than the next best, {action(other)} ({other_value:.6g})"
