@@ -16,20 +16,35 @@ from types import ModuleType
 from typing import Any
 
 from llvmlite.binding import newpassmanagers
-from numba.core import codegen, compiler, compiler_machinery, environment, typed_passes, untyped_passes
-from numba.core.types import Array, Boolean, Number, functions
+from numba.core import (
+    base,
+    codegen,
+    compiler,
+    compiler_machinery,
+    environment,
+    postproc,
+    transforms,
+    typed_passes,
+    untyped_passes,
+)
+from numba.core.types import Array, Boolean, Number, NumberClass, functions
 
 CodeLibrary: Any = codegen.JITCodeLibrary
 CompilerBase: Any = compiler.CompilerBase
 CalledFunction: Any = functions.BaseFunction
 PassManager: Any = compiler_machinery.PassManager
+PostProcessor: Any = postproc.PostProcessor
+pass_registry: Any = compiler_machinery._pass_registry
+VariableLifetime: Any = postproc.VariableLifetime
+canonicalize_cfg: Any = transforms.canonicalize_cfg
+TargetContext: Any = base.BaseContext
 lookup_environment: Any = environment.lookup_environment
 PASSES = tuple(
     (module, name)
     for module, names in (
         (untyped_passes, "TranslateByteCode FixupArgs IRProcessing RewriteSemanticConstants DeadBranchPrune"),
         (untyped_passes, "GenericRewrites RewriteDynamicRaises ReconstructSSA"),
-        (typed_passes, "NopythonTypeInference PreLowerStripPhis NopythonRewrites IRLegalization AnnotateTypes"),
+        (typed_passes, "NopythonTypeInference PreLowerStripPhis IRLegalization AnnotateTypes"),
         (typed_passes, "NativeLowering NoPythonBackend"),
     )
     for name in names.split()
@@ -49,10 +64,13 @@ USED = (
     (CompilerBase, "define_pipelines"),
     (CompilerBase, "_compile_core"),
     (CalledFunction, "get_call_type"),
+    (PassManager, "_runPass"),
+    (PostProcessor, "run"),
+    (TargetContext, "get_abi_sizeof"),
 )
 KNOWN = all(hasattr(owner, name) for owner, name in (*PASSES, *USED))
 """Whether numba has the names that this file relies on; one that has others compiles as it always does."""
-OPERATORS = frozenset(found for found in vars(operator).values() if callable(found))
+OPERATORS = frozenset((bool, *(found for found in vars(operator).values() if callable(found))))
 
 
 @contextmanager
@@ -135,6 +153,19 @@ class PartLibrary(LoopLibrary):
         """The loop that the part is linked into tells its machine code."""
 
 
+class LoopPasses(PassManager):  # type: ignore[misc]
+    """What is done with a loop, one after the other, and nothing else: no timing, no checks of numba's own work."""
+
+    def _runPass(self, index: int, given: Any, state: Any) -> None:  # noqa: N802
+        given.analysis = self._analysis
+        changed = [given.run_initialization(state), given.run_pass(state), given.run_finalizer(state)]
+        if pass_registry.get(type(given)).mutates_CFG:
+            if any(changed):
+                PostProcessor(state.func_ir).run()
+            else:
+                state.func_ir.blocks = canonicalize_cfg(state.func_ir.blocks)
+
+
 class LoopCompiler(CompilerBase):  # type: ignore[misc]
     """Compiles a loop, or a part of one that is not to be called from Python."""
 
@@ -145,15 +176,45 @@ class LoopCompiler(CompilerBase):  # type: ignore[misc]
             kind = PartLibrary if state.flags.no_cpython_wrapper else LoopLibrary
             state.library = kind(state.targetctx.codegen(), state.func_id.func_qualname)
             state.library.enable_object_caching()
-        passes = PassManager("loop")
+        passes = LoopPasses("loop")
         for module, name in PASSES:
             passes.add_pass(getattr(module, name), name)
         passes.finalize()
         return [passes]
 
     def _compile_core(self) -> Any:
-        with instead(CalledFunction, "get_call_type", meaning), _garbage_left():
+        with (
+            instead(CalledFunction, "get_call_type", meaning),
+            instead(PostProcessor, "run", lifetimes),
+            instead(TargetContext, "get_abi_sizeof", size_of),
+            _garbage_left(),
+        ):
             return super()._compile_core()
+
+
+outlive: Callable[..., None] = PostProcessor.run
+
+
+def lifetimes(processor: Any, emit_dels: bool = False, extend_lifetimes: bool = False) -> None:
+    """Find where variables are needed: only where it is written down; how long they live is worked out when asked."""
+    loop = processor.func_ir
+    if emit_dels or loop.is_generator:
+        outlive(processor, emit_dels, extend_lifetimes)
+        return
+    loop.blocks = canonicalize_cfg(loop.blocks)
+    loop.variable_lifetime = VariableLifetime(loop.blocks)
+    loop.generator_info = None
+
+
+measure: Callable[..., int] = TargetContext.get_abi_sizeof
+_sizes: dict[Any, int] = {}
+
+
+def size_of(context: Any, kind: Any) -> int:
+    """Bytes that a type takes, which numba asks of each variable; measured only once."""
+    if kind not in _sizes:
+        _sizes[kind] = measure(context, kind)
+    return _sizes[kind]
 
 
 look_up: Callable[..., Any] = CalledFunction.get_call_type
@@ -161,8 +222,9 @@ _meanings: dict[tuple[Any, ...], Any] = {}
 
 
 def meaning(function: Any, context: Any, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
-    """What a call means for arguments of some types: for operators on numbers and arrays, worked out only once."""
-    plain = function.key[0] in OPERATORS and all(isinstance(kind, Number | Boolean | Array) for kind in arguments)
+    """What a call means for arguments of some types: for operators and conversions of numbers, found out only once."""
+    known = function.key[0] in OPERATORS or isinstance(function.key[0], NumberClass)
+    plain = known and all(isinstance(kind, Number | Boolean | Array) for kind in arguments)
     if not plain or named:
         return look_up(function, context, arguments, named)
     key = function, context, arguments
