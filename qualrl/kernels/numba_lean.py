@@ -86,13 +86,19 @@ def instead(module: ModuleType | type, name: str, value: object) -> Iterator[Non
 
 @contextmanager
 def _garbage_left() -> Iterator[None]:
-    """Nothing is looked through for garbage as long as the block runs: a compiler makes much that it keeps."""
+    """Nothing is looked through for garbage as long as the block runs: a compiler makes much that it keeps.
+
+    What it made counts as old afterwards, so that not all of it is looked through at once when the block is left.
+    """
     collecting = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
         if collecting:
+            if gc.get_freeze_count() == 0:
+                gc.freeze()
+                gc.unfreeze()
             gc.enable()
 
 
