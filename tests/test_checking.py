@@ -37,15 +37,15 @@ NOWHERE = Relations(regions_of([[0]]))
 
 @given(
     st.sampled_from(NAMES + QUOTED), st.sampled_from(NAMES + QUOTED), st.sampled_from(WRITTEN),
-    st.sampled_from(["", "is ", "lies "]), st.booleans(), st.sampled_from([None, "door 2", "near door"]),
-    st.sampled_from(["'", '"']),
+    st.sampled_from(["", "is ", "lies "]), st.booleans(), st.booleans(),
+    st.sampled_from([None, "door 2", "near door"]), st.sampled_from(["'", '"']),
 )  # fmt: skip
-def test_what_is_written_is_read_back(subject, other, written, linking, negated, doorway, quote):
+def test_what_is_written_is_read_back(subject, other, written, linking, negated, denied, doorway, quote):
     relation, spelling = written
     one, two = (f"{quote}{name}{quote}" if name in QUOTED else name for name in (subject, other))
     by = f" by {quote}{doorway}{quote}" if doorway and relation == CONNECTED else ""
-    text = f"{one} {linking}{'not ' if negated else ''}{spelling.upper()}  {two}{by}"
-    expected = Statement(text, subject, relation, other, negated, doorway if by else None)
+    text = f"{'not ' if denied else ''}{one} {linking}{'not ' if negated else ''}{spelling.upper()}  {two}{by}"
+    expected = Statement(text, subject, relation, other, negated is not denied, doorway if by else None)
     assert read_statement(text) == expected
 
 

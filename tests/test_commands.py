@@ -22,6 +22,7 @@ import yaml
 from typer.testing import CliRunner
 
 from qualrl.commands.main import app
+from qualrl.learning.rules import RULES
 from tests import command_here, tracing
 from tests.worlds import PUZZLE, TWO_ROOMS
 
@@ -222,6 +223,14 @@ def test_places_are_names_landmarks_metres_or_cells(here):
 def test_quiet_says_nothing_and_json_goes_nowhere_else(here):
     out, err = command_here.qualrl("run", "rooms.scenario.yaml", "-o", "out", "--quiet", cwd=here)
     assert (out, err) == ("", "")
+
+
+def test_learners_are_listed_with_what_they_converge_to(here):
+    rows = json.loads(command_here.qualrl("learners", "--json", cwd=here)[0])["learners"]
+    assert [row["name"] for row in rows] == list(RULES)
+    told, _ = qualrl("learners", cwd=here, COLUMNS="60")  # columns narrower than some words
+    assert "…" not in told
+    assert all(row["name"] in told for row in rows)
 
 
 def test_schema_accepts_the_bundled_scenarios_and_refuses_others(here):

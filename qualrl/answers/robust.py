@@ -192,7 +192,7 @@ class Robust(Answer):
 
     def _others_in_words(self, depth: Depth) -> str:
         if self.others is None:
-            return "No other way passes no region twice."
+            return "Every way that is not told passes a region twice."
         if self._is_whole:
             most = depth.at_numbers(f": at most {self.others:.6g}")
             return depth.from_signs(f"Every other way that passes no region twice is worth no more than that{most}.")

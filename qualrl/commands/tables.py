@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console as RichConsole
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from qualrl.learning.growth import Growth
@@ -64,11 +64,17 @@ def print_map_and_wings(regions: RegionMap, wings: Mapping[str, Sequence[str]]) 
         _print_rest(out, len(wings), "wings")
 
 
+def _table(title: str | None, words: Sequence[str], numbers: Sequence[str]) -> Table:
+    """An empty table; what is too long for a column goes on in the next line, and does not end in dots."""
+    columns = [Column(heading, overflow="fold") for heading in words]
+    columns += [Column(heading, overflow="fold", justify="right") for heading in numbers]
+    return Table(*columns, title=title, title_justify="left")
+
+
 def _print_regions(out: PipedConsole, regions: RegionMap) -> None:
     named = [region for region in regions.regions if region.kind != "pocket"]
-    table = Table("region", "kind", title=f"{len(named)} regions", title_justify="left")
-    for heading in ("area (m2)", "cells", "centre row,col", "doors"):
-        table.add_column(heading, justify="right")
+    numbers = ("area (m2)", "cells", "centre row,col", "doors")
+    table = _table(f"{len(named)} regions", ("region", "kind"), numbers)
     for index, region in enumerate(named[:MOST_ROWS]):
         doors = sum(index in door.pair for door in regions.doorways)
         row, column = region.centre
@@ -87,9 +93,8 @@ def _print_doors(out: PipedConsole, regions: RegionMap) -> None:
     if not regions.doorways:
         out.print("no doorways")
         return
-    table = Table("doorway", "between", "and", title=f"{len(regions.doorways)} doorways", title_justify="left")
-    for heading in ("width (m)", "middle row,col", "middle x,y (m)"):
-        table.add_column(heading, justify="right")
+    numbers = ("width (m)", "middle row,col", "middle x,y (m)")
+    table = _table(f"{len(regions.doorways)} doorways", ("doorway", "between", "and"), numbers)
     names = regions.region_names
     for door in regions.doorways[:MOST_ROWS]:
         row, column = door.midpoint
@@ -140,9 +145,8 @@ def _took(episodes: int | None, steps: int | None) -> str:
 
 
 def _print_growth(out: PipedConsole, growth: Growth) -> None:
-    table = Table(title="the map as it became known", title_justify="left")
-    for heading in ("steps", "episode", "cells", "known", "regions", "doors", "marks", "goal seen"):
-        table.add_column(heading, justify="right")
+    numbers = ("steps", "episode", "cells", "known", "regions", "doors", "marks", "goal seen")
+    table = _table("the map as it became known", (), numbers)
     for stage in growth.stages:
         table.add_row(
             f"{stage.steps:,}", str(stage.episode), f"{stage.known_cells:,}",
@@ -162,7 +166,9 @@ def _beside(run: LearningRun, knew: LearningRun) -> str:
 
 def print_learners(rows: Sequence[Mapping[str, str]]) -> None:
     """The learners, one a row."""
-    table = Table("learner", "what it is", "its values converge to", "source", show_lines=True)
+    table = _table(None, ("learner", "what it is", "its values converge to", "source"), ())
+    table.show_lines = True
+    table.columns[0].no_wrap = True  # a name to be copied
     for row in rows:
         table.add_row(row["name"], row["title"], row["limit"], row["source"])
     PipedConsole(highlight=False).print(table)

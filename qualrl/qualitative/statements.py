@@ -117,6 +117,9 @@ def _split(text: str, words: Words, start: int, end: int, relation: str) -> Stat
     """The statement with the relation at some words; None without names on both sides."""
     before, after = list(words[:start]), list(words[end:])
     negated = _ends_with(before, ("not",))
+    if len(before) > 1 and before[0] == ("not", False):  # "not room A north of room B"
+        negated = not negated
+        before.pop(0)
     _ends_with(before, LINKING)
     by = [at for at, (word, in_quotes) in enumerate(after) if not in_quotes and word.lower() in BY]
     doorway = None
