@@ -5,7 +5,8 @@ step slips as is worst (an interval MDP over the cells).  Where bounds of two wa
 of the span; where they do, the span is halved.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from itertools import combinations, groupby
 from typing import Any
@@ -13,10 +14,11 @@ from typing import Any
 from qualrl.answers.answer import Answer
 from qualrl.answers.depth import Depth
 from qualrl.answers.known import between
-from qualrl.answers.through import value_through
+from qualrl.answers.through import left_by, value_in
 from qualrl.answers.uncertain import check_confidence, check_span
 from qualrl.errors import NoPlanError, SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.planning.one_doorway import OneDoorway
 from qualrl.qualitative.from_counts import Counts
 from qualrl.qualitative.robust_order import BETTER, UNDECIDED, WORSE
 from qualrl.qualitative.signs import one_after_the_other
@@ -29,6 +31,8 @@ MOST_SPANS = 64
 Span = tuple[float, float]
 Bounds = Mapping[str, Span]
 """By doorway."""
+WayOut = tuple[Doorway, OneDoorway]
+"""A doorway, and the region as it is when left by it."""
 
 
 @dataclass(frozen=True)
@@ -111,10 +115,11 @@ def robust_slip(
     check_span("slip (with more of it moves lead less often where they aim at)", span, 0, 1 - 1 / model.grid.n_actions)
     low, high = span
     model.check_reachable(start)
-    doors = _doors(model, start, (low + high) / 2, most)
-    whole = _bounds(model, start, doors, low, high)
-    pairs = list(combinations((door.name for door in doors), 2))
-    found = _Search(model, start, doors, pairs).verdicts(low, high, whole)
+    ways = _ways(model, start, (low + high) / 2, most)
+    worst = replace(model, world=replace(model.grid, slip=high))
+    whole = _bounds(worst, start, ways, low, high)
+    pairs = list(combinations((door.name for door, _ in ways), 2))
+    found = _Search(worst, start, ways, pairs).verdicts(low, high, whole)
     return RobustSlip(
         *names, _region(model, start), model.gamma, (low, high),
         slip if isinstance(slip, Counts) else None, confidence, whole, found,
@@ -125,37 +130,43 @@ def _region(model: HybridMDP, state: int) -> str:
     return model.region_names[int(model.region_of[state])]
 
 
-def _doors(model: HybridMDP, start: int, slip: float, most: int) -> list[Doorway]:
+def _ways(model: HybridMDP, start: int, slip: float, most: int) -> list[WayOut]:
     """The doorways of a state's region by which a way leads on, the best first at some slip."""
     assert model.regions is not None
-    own = [door for door in model.regions.doorways if int(model.region_of[start]) in door.pair]
     changed = replace(model, world=replace(model.grid, slip=slip))
-    exact, worth = exact_values(changed.world), dict[str, float]()
-    for door in own:
+    exact, found = exact_values(changed.world), list[tuple[float, WayOut]]()
+    for door in model.regions.doorways:
+        if int(model.region_of[start]) not in door.pair:
+            continue
         try:
-            worth[door.name] = value_through(changed, exact, start, door, slip)
+            room = left_by(changed, start, door)
+            found.append((value_in(room, changed, exact, start, door, slip), (door, room)))
         except NoPlanError:  # this doorway leads nowhere
             continue
-    if not worth:
+    if not found:
         raise NoPlanError(f"no doorway of {_region(model, start)} leads on to the goal")
-    return sorted((door for door in own if door.name in worth), key=lambda door: -worth[door.name])[:most]
+    found.sort(key=lambda way: -way[0])
+    return [way for _, way in found[:most]]
 
 
-def _bounds(model: HybridMDP, start: int, doors: Sequence[Doorway], low: float, high: float) -> Bounds:
-    """What leaving by each doorway is worth at least and at most for a span of slips, inexact values allowed for."""
-    changed = replace(model, world=replace(model.grid, slip=high))
-    ends = list[dict[str, float]]()
-    for helps in (False, True):
+def _bounds(model: HybridMDP, start: int, ways: Iterable[WayOut], low: float, high: float) -> Bounds:
+    """What leaving by each doorway is worth at least and at most for a span of slips, inexact values allowed for.
+
+    model: of the most slips that are asked about, or less.
+    """
+
+    def end(helps: bool) -> dict[str, float]:
         span = SlipSpan(low, high, helps)
-        values = values_between(changed.grid, span)
-        worth = {door.name: value_through(changed, values, start, door, span) for door in doors}
-        ends.append(
-            {
-                door: value - values.shift + error_at(changed.grid, value, values.shift) * (1 if helps else -1)
-                for door, value in worth.items()
-            }
-        )
-    return {name: (least, ends[1][name]) for name, least in ends[0].items()}
+        values = values_between(model.grid, span)
+        worth = {door.name: value_in(room, model, values, start, door, span) for door, room in ways}
+        return {
+            door: value - values.shift + error_at(model.grid, value, values.shift) * (1 if helps else -1)
+            for door, value in worth.items()
+        }
+
+    with ThreadPoolExecutor(2) as both:
+        least, most = both.map(end, (False, True))
+    return {name: (worth, most[name]) for name, worth in least.items()}
 
 
 @dataclass
@@ -164,8 +175,8 @@ class _Search:
 
     model: HybridMDP
     start: int
-    doors: Sequence[Doorway]
-    pairs: Sequence[tuple[str, str]]
+    ways: list[WayOut]
+    pairs: list[tuple[str, str]]
     solved: int = 0
     parts: list[tuple[float, float, dict[tuple[str, str], str]]] = field(default_factory=list)
 
@@ -180,10 +191,10 @@ class _Search:
                 continue
             middle = (low + high) / 2
             asked = {name for pair, of in relations.items() if of == UNDECIDED for name in pair}
-            doors = [door for door in self.doors if door.name in asked]
+            ways = [(door, room) for door, room in self.ways if door.name in asked]
             for half in ((low, middle), (middle, high)):
                 self.solved += 1
-                found = self._relations(_bounds(self.model, self.start, doors, *half))
+                found = self._relations(_bounds(self.model, self.start, ways, *half))
                 known = {pair: found[pair] if of == UNDECIDED else of for pair, of in relations.items()}
                 waiting.append((*half, known))
         self.parts.sort(key=lambda part: part[0])
@@ -207,7 +218,7 @@ class _Search:
         return tuple(found)
 
 
-def _verdicts_in_words(one: str, other: str, verdicts: Sequence[Verdict], depth: Depth) -> str:
+def _verdicts_in_words(one: str, other: str, verdicts: tuple[Verdict, ...], depth: Depth) -> str:
     better = {BETTER: f"{one} is better than {other}", WORSE: f"{other} is better than {one}"}
     if len(verdicts) == 1 and verdicts[0].relation != UNDECIDED:
         return f"Certain: {better[verdicts[0].relation]}, whatever the probability is"

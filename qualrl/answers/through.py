@@ -62,7 +62,13 @@ def value_through(
     exact: of the whole world, with the same slips.
     Raises NoPlanError where no way leads from the state through the doorway, or on to the goal.
     """
-    room = left_by(model, start, door)
+    return value_in(left_by(model, start, door), model, exact, start, door, slip)
+
+
+def value_in(
+    room: OneDoorway, model: HybridMDP, exact: ExactValues, start: int, door: Doorway | None, slip: float | SlipSpan
+) -> float:  # fmt: skip
+    """The same, once the region is known as one that is left by the doorway, whatever the slips: ``left_by``."""
     return float(_values(model, exact, start, door, room, slip)[np.searchsorted(room.inside, start)])
 
 

@@ -95,7 +95,7 @@ def values_between(world: GridWorld, span: SlipSpan) -> ExactValues:
     """Values of the interval MDP in which each move may slip with any probability of a span, known beforehand to none.
 
     What the robot does is best for them.  No policy is worth more at any slip of the span than if it helps; and one
-    policy is worth at least as much at each of them as if it does not.  world: of slip ``span.high``.
+    policy is worth at least as much at each of them as if it does not.  world: of slip ``span.high`` or more.
     """
     shift = shift_of(world)
     shifted = _solve_grid(world, shift, span, FLOOR)
