@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import dijkstra
 from qualrl.errors import PlaceError, SettingError
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.tabular_mdp import TabularMDP
-from qualrl.solving.exact import action_values, error_at, exact_values, off_of, shift_of
+from qualrl.solving.exact import action_values, exact_values, off_of, shift_of
 from qualrl.solving.policy import greedy_walk
 from tests import oracles
 from tests.worlds import PUZZLE, free_masks, grid_of
@@ -249,8 +249,52 @@ def test_no_settled_value_is_off_by_more_than_is_said(data, free, directions, sl
     for state, value in zip(here, expected, strict=True):
         off = off_of(world, float(found.shifted[state]), found.shift)
         assert abs(found.shifted[state] - value) <= off
-        assert off <= 1e-9 * found.shifted[state]
-        assert error_at(world, float(found.shifted[state]), found.shift) >= off
+
+
+def corridor_values(cells, gamma, slip):
+    """(cells - 1,) values of a corridor without the goal at its end, by elimination along it with 60 digits."""
+    with mpmath.workdps(60):
+        gamma, aside = mpmath.mpf(gamma), mpmath.mpf(slip) / 3
+        onward, paid = [], []  # value at k = onward * value at k + 1 + paid
+        for k in range(cells - 1):
+            stays = gamma * aside * (2 if k else 3)
+            back, before = (gamma * aside * onward[-1], gamma * aside * paid[-1]) if k else (0, 0)
+            rest, ahead = 1 - stays - back, 1 - 3 * aside
+            last = k == cells - 2
+            onward.append(0 if last else gamma * ahead / rest)
+            paid.append((before - 1 + (ahead * 101 if last else 0)) / rest)
+        values = [paid[-1]]
+        for k in range(cells - 3, -1, -1):
+            values.append(onward[k] * values[-1] + paid[k])
+        return values[::-1]
+
+
+@pytest.mark.parametrize("gamma", [0.99, 0.9999999])
+@pytest.mark.parametrize("slip", [0.3, 0.74])
+@pytest.mark.parametrize("cells", [20, 1500])
+def test_of_long_expected_ways_no_value_is_off_by_more_either(cells, slip, gamma):
+    world = GridWorld(np.ones((1, cells), bool), (0, cells - 1), gamma, slip)
+    found, expected = exact_values(world), corridor_values(cells, gamma, slip)
+    off = off_of(world, found.shifted, found.shift)
+    with mpmath.workdps(60):
+        least = -world.step_reward / (1 - mpmath.mpf(gamma))  # the shift, not rounded
+        for state, value in enumerate(expected):
+            assert abs(mpmath.mpf(float(found.shifted[state])) - least - value) <= off[state] + 1e-14 * found.shift
+    assert (off[:-1] <= 1e-5 * found.shifted[:-1]).all()  # faint values, too, are known well
+
+
+def test_cells_that_no_way_leads_from_have_values_at_once():
+    free = np.ones((2, 5), bool)
+    free[:, 2] = False
+    world = GridWorld(free, (0, 0), 1 - 1e-8, 0.1, 8)
+    cut_off = np.flatnonzero(world.steps_to_goal < 0)
+    chance = np.full(8, 0.1 / 7)
+    chance[np.argmax(world.move_reward)] = 0.9
+    number = np.searchsorted(cut_off, world.successor[cut_off])
+    onward = sum(chance[a] * np.eye(len(cut_off))[number[:, a]] for a in range(8))
+    paid = np.full(len(cut_off), chance @ world.move_reward)
+    expected = np.linalg.solve(np.eye(len(cut_off)) - world.gamma * onward, paid)
+    np.testing.assert_allclose(exact_values(world).value[cut_off], expected, rtol=1e-6)
 
 
 def test_what_few_steps_lead_to_is_known_well_at_gammas_near_1():

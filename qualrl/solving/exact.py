@@ -21,8 +21,8 @@ Values = TypeVar("Values", float, NDArray[np.float64])
 TOLERANCE = 1e-12
 NOTHING = 1e-12
 """A shifted reward below this share of what was added is 0."""
-OFF, OFF_SLIPPING = 1e-12, 1e-9
-"""Shares by which shifted values may be off: what is summed up along a way, and what settles where moves slip."""
+OFF = 1e-12
+"""Share by which a shifted value may be off that is summed up along a way."""
 FLOOR = 1e-300
 """Smaller values, where float64 has fewer digits, settle no better than this one."""
 MAX_SWEEPS = 1_000_000
@@ -107,26 +107,28 @@ def values_between(world: GridWorld, span: SlipSpan) -> ExactValues:
 def error_at(world: GridWorld, shifted: Values, shift: float) -> Values:
     """By how much settled shifted values may be off at most, and those built on settled values, too.
 
-    No value settles further than 1e-12 of the largest from its backup, and the discounted sum of these is at most so
-    many times as much as the discounted count of steps to the goal.  The less of that, the more is left of what the
-    goal is worth: with c the largest shifted reward of a step and P = E[gamma ** T], value <= c (1 - P) / (1 - gamma) +
-    goal P / gamma.
+    No value settles further than 1e-12 of itself from its backup, so each is off by at most so much of the values met
+    on the way, discounted and added up.  Where steps pay nothing once shifted, these are all that the goal is worth,
+    with P = E[gamma ** T] = gamma value / goal: the value itself times the steps to the goal, weighted by gamma ** T.
+    Of those there are at most log P / log gamma, for log P is convex in log gamma.  Else no value is larger than the
+    largest, and (1 - P) / (1 - gamma) steps are left, of which P follows from the largest shifted reward c of a step:
+    value <= c (1 - P) / (1 - gamma) + goal P / gamma.
     """
-    on_the_way = float(shifted_rewards(world.move_reward, shift, world.gamma).max()) / (1 - world.gamma)
-    goal = world.goal_reward + shift
-    left: Values = 0.0 * shifted
-    if world.gamma * on_the_way < goal:
-        left = world.gamma * (shifted - on_the_way) / (goal - world.gamma * on_the_way)
-    steps: Values = (1 - np.clip(left, 0.0, world.gamma)) / (1 - world.gamma)
-    return 2 * TOLERANCE * max(goal, on_the_way) * steps
+    gamma, goal = world.gamma, world.goal_reward + shift
+    on_the_way = float(shifted_rewards(world.move_reward, shift, gamma).max()) / (1 - gamma)
+    if goal <= gamma * on_the_way:
+        left: Values = 0.0 * shifted
+    else:
+        left = np.clip(gamma * (shifted - on_the_way) / (goal - gamma * on_the_way), 0.0, gamma)
+    if on_the_way > 0 or goal <= 0:
+        return 2 * TOLERANCE * max(goal, on_the_way) * (1 - left) / (1 - gamma)
+    steps: Values = np.log(np.maximum(left, FLOOR)) / np.log(gamma)
+    return 2 * TOLERANCE * shifted * steps
 
 
 def off_of(world: GridWorld, shifted: Values, shift: float) -> Values:
     """By how much shifted values are off at most: added up along a way, or, where moves slip, settled."""
-    if world.slip == 0:
-        return OFF * abs(shifted)
-    found: Values = np.minimum(OFF_SLIPPING * np.abs(shifted), error_at(world, shifted, shift))
-    return found
+    return OFF * abs(shifted) if world.slip == 0 else error_at(world, shifted, shift)
 
 
 def _floor(world: World, shift: float, error: float | None) -> float:
@@ -146,28 +148,22 @@ def _floor(world: World, shift: float, error: float | None) -> float:
 def _solve_grid(
     world: GridWorld, shift: float, slip: float | SlipSpan, floor: float
 ) -> NDArray[np.float64]:  # fmt: skip
-    cut_off = np.flatnonzero(world.steps_to_goal < 0)
     value = np.zeros(len(world))
-    value[cut_off] = world.step_reward / (1 - world.gamma) + shift  # straight on for ever
     reward = shifted_rewards(world.move_reward, shift, world.gamma)
-    parts = [(world.outward, world.steps_to_goal[world.outward])]
-    if world.slip > 0 and world.directions == 8:  # where moves may slip to the dearer diagonals
-        parts.append((cut_off, np.zeros(len(cut_off), np.int32)))
-    for order, layer in parts:
-        settle_outward(
-            world.successor,
-            order,
-            layer,
-            reward,
-            world.goal,
-            world.goal_reward + shift,
-            world.gamma,
-            slip,
-            value,
-            floor,
-        )
+    value[world.steps_to_goal < 0] = _for_ever(reward, slip) / (1 - world.gamma)
+    settle_outward(
+        world.successor, world.outward, world.steps_to_goal[world.outward], reward, world.goal,
+        world.goal_reward + shift, world.gamma, slip, value, floor,
+    )  # fmt: skip
     value[world.goal] = shift
     return value
+
+
+def _for_ever(reward: NDArray[np.float64], slip: float | SlipSpan) -> float:
+    """What a step of a walk that never ends is worth at best; a move is worth the same wherever it is made."""
+    least, most, helps = (slip.low, slip.high, slip.helps) if isinstance(slip, SlipSpan) else (slip, slip, True)
+    of = [(1 - p) * reward + p * (reward.sum() - reward) / (len(reward) - 1) for p in (least, most)]
+    return float((max if helps else min)(worth.max() for worth in of))
 
 
 def settle_outward(
