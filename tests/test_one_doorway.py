@@ -12,9 +12,12 @@ import qualrl
 from qualrl.answers.policy import moves_as_good
 from qualrl.errors import NoPlanError, SettingError
 from qualrl.planning.legs import legs_of
+from qualrl.planning.on_the_way import SIDES
 from qualrl.planning.one_doorway import Room
 from qualrl.qualitative.graph import crossings_of
+from qualrl.questions import why
 from qualrl.solving.exact import exact_values
+from tests.room_grids import room_grid
 from tests.test_planning import LOOP
 from tests.worlds import PUZZLE, grid_of
 
@@ -210,3 +213,19 @@ def test_mirrored_doorways_are_worth_as_much_as_far_as_can_be_told(slip, words):
     assert len(regions.doorways) == 2
     model = qualrl.build(regions, [4, 14], start=[4, 2], gamma=0.95, slip=slip)
     assert words in qualrl.plan(model).steps[0].reason
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.integers(0, 10_000), st.data())
+def test_a_plan_and_why_tell_the_same_way(seed, data):
+    free, _ = room_grid(seed, 3, 5)
+    regions = qualrl.segment(qualrl.OccupancyGrid(free, ~free, 1.0))
+    cells = [tuple(cell) for cell in np.argwhere(free).tolist()]
+    start, goal = (data.draw(st.sampled_from(cells)) for _ in range(2))
+    model = qualrl.build(regions, list(goal), start=list(start), gamma=0.95)
+    assume(start != goal and model.can_reach[model.start])
+    steps, told = qualrl.plan(model).steps, why(model).best
+    assert [step.passes for step in steps] == list(told.sees)
+    assert [step.length_m for step in steps] == pytest.approx(told.lengths_m)
+    turns = [f"to the {step.compass}" if step.compass else step.side and SIDES[step.side] for step in steps]
+    assert turns == list(told.turns)

@@ -178,20 +178,24 @@ def _stretches(
     model: HybridMDP, regions: RegionMap, parts: Sequence[Sequence[int]], stops: Sequence[str | None]
 ) -> tuple[tuple[float, ...], tuple[tuple[str, ...], ...]]:
     """``Way.lengths_m`` and ``Way.sees``."""
-    walk, ends, named = [*parts[0][:1]], list[int](), list[str]()
+    walk, ends, starts, named = [*parts[0][:1]], list[int](), [0], list[str]()
     for part, stop in zip_longest(parts, stops):
         before = len(walk) - 1
         walk += part[1:]
         for leg in legs_of(model, part)[1:]:
-            ends.append(before + leg.first)
+            ends.append(before + leg.first - 1)  # on this side of the doorway
+            starts.append(before + leg.first)
             named.append(door_taken(model, regions, part[leg.first - 1], part[leg.first]).name)
         if stop is not None and len(part) > 1:
             ends.append(len(walk) - 1)
+            starts.append(len(walk) - 1)
             named.append(stop)
-    stretches = [*pairwise([0, *ends, len(walk) - 1])]
+    ends.append(len(walk) - 1)
     told = [{*pair} for pair in pairwise(["", *named, ""])]
-    lengths = tuple(length_m(model, walk[first : last + 1]) or 0.0 for first, last in stretches)
-    return lengths, tuple(seen_on_stretches(regions, [model.cell_of(state) for state in walk], stretches, told))
+    path = [model.cell_of(state) for state in walk]
+    seen = seen_on_stretches(regions, path, [*zip(starts, ends, strict=True)], told)
+    lengths = (length_m(model, walk[first : last + 1]) or 0.0 for first, last in pairwise([*starts, len(walk) - 1]))
+    return tuple(lengths), tuple(seen)
 
 
 def course(model: HybridMDP, walk: Sequence[int]) -> Course:

@@ -141,12 +141,13 @@ def seen_on_stretches(
 ) -> list[tuple[str, ...]]:
     """The landmarks to be seen on each stretch of a path, by its first and last step; none again, and no centre.
 
+    Where the path has come to its end nothing is passed any more.
     told: what is named anyway where a stretch begins and ends.
     """
     marks = [mark for mark in landmarks_passed(regions, path, ENDS).marks if mark.kind not in (*ENDS, CENTRE)]
     found, known = list[tuple[str, ...]](), set[str]()
     for (first, last), named in zip(stretches, told, strict=True):
-        seen = [mark.name for mark in marks if first <= mark.step <= last]
+        seen = [mark.name for mark in marks if first <= mark.step <= last] if first < len(path) - 1 else []
         found.append(tuple(name for name in dict.fromkeys(seen) if name not in named | known))
         known |= named | {*found[-1]}
     return found
