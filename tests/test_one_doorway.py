@@ -15,7 +15,7 @@ from qualrl.planning.legs import legs_of
 from qualrl.planning.on_the_way import SIDES
 from qualrl.planning.one_doorway import Room
 from qualrl.qualitative.graph import crossings_of
-from qualrl.questions import why
+from qualrl.questions import robust, why
 from qualrl.solving.exact import exact_values
 from tests.room_grids import room_grid
 from tests.test_planning import LOOP
@@ -56,13 +56,37 @@ RING = """
 ###############
 """
 """Round the rooms in the middle a corridor, which takes longer from end to end than the rooms do."""
-MAPS = LOOP, PUZZLE, BENT, RING
+THROUGH_AND_BACK = """
+###########
+#.........#
+#.#######.#
+#.#..#....#
+#....#....#
+#.##....#.#
+#.#..#..#.#
+#.##.####.#
+#.#..#..#.#
+#.......#.#
+#.##.###..#
+#.#..#..#.#
+#.......#.#
+#.#######.#
+#.#######.#
+###########
+"""
+"""From a corridor it is shorter through a room and back into the corridor than along it."""
+MAPS = LOOP, PUZZLE, BENT, RING, THROUGH_AND_BACK
 
 
 @cache
 def regions_of(text):
     """Found when a test runs, not when it is collected: that would compile in every worker."""
     return qualrl.segment(grid_of(text))
+
+
+@cache
+def coming_back():
+    return qualrl.segment(grid_of(THROUGH_AND_BACK))
 
 
 def cells_of(regions):
@@ -123,9 +147,16 @@ def test_without_slips_a_step_of_the_exact_plan_is_worth_what_the_rest_of_the_pl
     states = [int(model.grid.state_of[cell]) for cell in found.path]
     for step, leg in zip(found.steps, legs_of(model, states), strict=True):
         value = exact.value[states[leg.first]]
+        assert step.runner_up_value is None or step.runner_up_value <= value + 1e-9
+        if step.free_value is not None:  # a diagonal cuts the corner of a region that does not count as passed
+            assert model.grid.directions == 8
+            assert step.free_value == pytest.approx(value, abs=1e-9)
+            assert step.value < step.free_value
+            assert f"worth {step.free_value:.6g}; bound to" in step.reason
+            assert "slips" not in step.reason
+            continue
         assert step.value == pytest.approx(value, abs=1e-9)
         assert step.margin is None or step.margin >= -1e-9
-        assert step.runner_up_value is None or step.runner_up_value <= value + 1e-9
 
 
 @settings(deadline=None, max_examples=60)
@@ -229,3 +260,44 @@ def test_a_plan_and_why_tell_the_same_way(seed, data):
     assert [step.length_m for step in steps] == pytest.approx(told.lengths_m)
     turns = [f"to the {step.compass}" if step.compass else step.side and SIDES[step.side] for step in steps]
     assert turns == list(told.turns)
+
+
+@pytest.mark.parametrize("slip", [0.0, 0.1])
+def test_a_doorway_that_the_plan_comes_back_from_is_its_choice(slip):
+    model = qualrl.build(coming_back(), [14, 9], start=[14, 1], gamma=0.95, slip=slip)
+    plan, answer = qualrl.plan(model), why(model)
+    assert plan.places[:3] == answer.best.places[:3] == ("corridor 1", "room B", "corridor 1")
+    assert answer.best.value == pytest.approx(exact_values(model.world).value[model.start])
+    own, other = (answer.best.doors[0], answer.other.doors[0])
+    doors = {door.name: door for door in model.regions.doorways}
+    region = int(model.region_of[model.start])
+    swept, swept_other = (sweeps_through(model, region, doors[name])[model.start] for name in (own, other))
+    assert plan.steps[0].value == pytest.approx(swept, abs=1e-5)
+    assert plan.steps[0].runner_up_value == pytest.approx(swept_other, abs=1e-5)
+    free = answer.best.value if plan.steps[0].free_value is None else plan.steps[0].free_value
+    assert free == pytest.approx(answer.best.value)
+
+
+def test_the_doorway_of_the_plan_is_compared_while_slips_are_uncertain():
+    model = qualrl.build(coming_back(), [14, 9], start=[14, 1], gamma=0.95)
+    answer = robust(model, slip=(0.1, 0.2))
+    assert next(iter(answer.worth)) == why(model).best.doors[0]
+    at_worst = qualrl.build(coming_back(), [14, 9], start=[14, 1], gamma=0.95, slip=0.2)
+    least, _ = next(iter(answer.worth.values()))
+    assert least <= exact_values(at_worst.world).value[at_worst.start] + 1e-9
+
+
+@pytest.mark.parametrize(("start", "goal", "can_come_back"), [((11, 3), (11, 7), True), ((11, 7), (11, 3), False)])
+def test_that_ways_which_come_back_are_not_compared_is_said_where_there_are_some(start, goal, can_come_back):
+    regions = coming_back()
+    model = qualrl.build(regions, list(goal), start=list(start), gamma=0.95)
+    answer, reason = why(model), qualrl.plan(model).steps[0].reason
+    assert answer.other is None
+    region = model.region_names.index(answer.at)
+    around = nx.MultiGraph([door.pair for door in regions.doorways if region not in door.pair])
+    beyond = [sum(door.pair) - region for door in regions.doorways if region in door.pair]
+    around.add_nodes_from(beyond)
+    joined = any(sum(of in part for of in beyond) > 1 for part in nx.connected_components(around))
+    assert can_come_back is joined is answer.can_come_back
+    assert ("leads on from there without coming back, so" in answer.explain()) is can_come_back
+    assert ("to the goal without coming back, worth" in reason) is can_come_back

@@ -205,13 +205,17 @@ def test_the_plan_s_own_doorway_is_told_what_it_is_worth_if_slips_may_not_change
     )
     assert answer.bound.value == pytest.approx(one, abs=1e-8)
     assert one < other == pytest.approx(answer.other.value, abs=1e-8)
-    told = f"bound to {answer.best.doors[0]} it would be worth {answer.bound.value:.6g}."
+    told = (
+        f"bound to {answer.best.doors[0]}, the others shut to slips, too, it would be worth {answer.bound.value:.6g}."
+    )
     assert told in answer.explain()
     assert "it would be worth less." in answer.explain("signs")
     assert "bound to" not in answer.explain("names")
     step = qualrl.plan(model).steps[0]
     assert step.margin < 0
-    assert "may turn to another doorway after a slip" in step.reason
+    assert step.free_value == pytest.approx(answer.best.value)
+    assert f"worth {step.free_value:.6g}; bound to {answer.best.doors[0]}, the others shut" in step.reason
+    assert f"{-step.margin:.3g} less than bound to {answer.other.doors[0]}" in step.reason
     assert "learned" not in step.reason
     assert qualrl.questions.why(at_gamma(model, 0.97).with_closed([answer.other.doors[0]])).bound is None
 

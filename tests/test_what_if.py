@@ -385,3 +385,33 @@ def test_the_command_answers_and_refuses(tmp_path):
         error = qualrl_command(*ask, *asked, cwd=tmp_path, expect=2)[1]
         assert words in error
         assert error.count("\n") == 1
+
+
+def test_what_cells_are_left_by_is_compared_by_doorways_not_names_and_only_on_maps_of_one_size(tmp_path):
+    draw(tmp_path, "one", TWO_ROOMS)
+    draw(tmp_path, "other", "\n".join(row + "#" for row in TWO_ROOMS.strip().splitlines()))
+    scenario = tmp_path / "s.yaml"
+    scenario.write_text("map: one.yaml\nstart: room A\ngoal: room B\n")
+    loaded = qualrl.load_scenario(scenario)
+
+    def told(*settings):
+        answer = json.loads(qualrl_command("what-if", scenario, "--json", *settings, cwd=tmp_path)[0])
+        return answer["turned"], qualrl_command("what-if", scenario, *settings, cwd=tmp_path)[0]
+
+    (door,) = loaded.build().regions.doorways
+    turned, words = told("--set", f"names={{{door.name}: gate}}")
+    assert turned == []
+    assert "by gate" in words
+    assert "From every cell the best way leaves its region as before." in words
+    turned, words = told("--set", "map=other.yaml")
+    assert turned is None
+    assert "as before" not in words
+    assert "of another size" in words
+
+
+def test_where_a_wall_is_opened_and_nothing_gained_it_is_not_said_that_the_way_is_the_old_one():
+    answer = qualrl.questions.what_if(qualrl.load_scenario("office").build(), open=("room A", "corridor 1"))
+    assert answer.before.doors != answer.after.doors
+    assert answer.turned == ()
+    assert "the best way leaves its region as before" not in answer.explain()
+    assert "From every cell to leave its region as before is as good as any way." in answer.explain()

@@ -54,6 +54,8 @@ class Reconciled(Answer):
     """Whether moves slip."""
     is_smallest: bool
     """Whether no smaller set of closings would do; else none can be left out of this one, but others were not tried."""
+    then: Way | None = None
+    """The best way along the expected places after that, where ``own`` passes what is closed."""
 
     def lines(self, depth: Depth) -> Iterator[str]:
         """See Answer."""
@@ -72,6 +74,8 @@ class Reconciled(Answer):
             return
         changes += [f"{name} closed" for name in self.closed]
         yield f"It would be best with {', '.join(changes)}."
+        if self.then is not None:
+            yield f"The way there is then another: {self.then.with_worth(depth)}."
         if self.closed and self.is_smallest and depth != Depth.NAMES:
             tried = "all that may be reached" if self.slips else "those of every better way"
             yield f"No smaller set of closed doorways would do: {tried} were tried."
@@ -87,7 +91,8 @@ class Reconciled(Answer):
         return {
             "question": "reconcile", "from": self.start, "to": self.goal, "gamma": self.gamma,
             "expected": list(self.expected), "best": None if self.best is None else self.best.to_dict(),
-            "own": self.own.to_dict(), "opened": [change.words for change in self.opened],
+            "own": self.own.to_dict(), "then": None if self.then is None else self.then.to_dict(),
+            "opened": [change.words for change in self.opened],
             "closed": list(self.closed), "slips": self.slips, "smallest": self.is_smallest,
         }  # fmt: skip
 
@@ -113,10 +118,11 @@ def reconcile(model: HybridMDP, start: int, names: tuple[str, str], expected: Se
             "of them leads nowhere; expect more places"
         )
     closed, is_smallest = search.closings()
-    slips = model.grid.slip > 0
+    then = search.own(closed) if closed & set(own.doors) else None
     return Reconciled(
-        *names, model.gamma, tuple(expected), best, own, tuple(opened), tuple(sorted(closed)), slips, is_smallest
-    )
+        *names, model.gamma, tuple(expected), best, own, tuple(opened), tuple(sorted(closed)), model.grid.slip > 0,
+        is_smallest, then,
+    )  # fmt: skip
 
 
 def _check(model: HybridMDP, start: int, expected: Sequence[str]) -> None:
@@ -226,7 +232,10 @@ class _Search:
         way = self.way(closed)
         if way is None or self.is_best(closed):
             return
-        for door in dict.fromkeys((*sorted(set(way.doors)), *(self._reached(closed) if beside else ()))):
+        own = self.own(frozenset())
+        of_own = () if own is None else own.doors
+        on_the_way = sorted(set(way.doors), key=lambda door: (door in of_own, door))  # rather others than its own
+        for door in dict.fromkeys((*on_the_way, *(self._reached(closed) if beside else ()))):
             if beside or self._is_left(closed | {door}):
                 yield from self._of_size(closed | {door}, size - 1, beside)
 

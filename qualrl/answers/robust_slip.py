@@ -16,9 +16,14 @@ from qualrl.answers.depth import Depth
 from qualrl.answers.known import between
 from qualrl.answers.through import left_by, value_in
 from qualrl.answers.uncertain import check_confidence, check_span
-from qualrl.errors import NoPlanError, SettingError
+from qualrl.errors import SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.planning.choices import Chooser
+from qualrl.planning.crossings import door_taken
+from qualrl.planning.legs import legs_of
 from qualrl.planning.one_doorway import OneDoorway
+from qualrl.planning.planner import exact_walk
+from qualrl.planning.values import exact_plan_values
 from qualrl.qualitative.from_counts import Counts
 from qualrl.qualitative.robust_order import BETTER, UNDECIDED, WORSE
 from qualrl.qualitative.signs import one_after_the_other
@@ -104,7 +109,7 @@ def robust_slip(
 ) -> RobustSlip:
     """Compare the doorways of a state's region while slips are uncertain.  names: of start and goal.
 
-    most: doorways to compare.  Raises SettingError, and NoPlanError where no way leads to the goal, or by no doorway.
+    most: doorways to compare.  Raises SettingError, and NoPlanError where no way leads to the goal.
     """
     check_confidence(confidence)
     if model.region_of[start] == model.region_of[model.grid.goal]:
@@ -115,7 +120,7 @@ def robust_slip(
     check_span("slip (with more of it moves lead less often where they aim at)", span, 0, 1 - 1 / model.grid.n_actions)
     low, high = span
     model.check_reachable(start)
-    ways = _ways(model, start, (low + high) / 2, most)
+    ways = _ways(model, start, span, most)
     worst = replace(model, world=replace(model.grid, slip=high))
     whole = _bounds(worst, start, ways, low, high)
     pairs = list(combinations((door.name for door, _ in ways), 2))
@@ -130,23 +135,26 @@ def _region(model: HybridMDP, state: int) -> str:
     return model.region_names[int(model.region_of[state])]
 
 
-def _ways(model: HybridMDP, start: int, slip: float, most: int) -> list[WayOut]:
-    """The doorways of a state's region by which a way leads on, the best first at some slip."""
+def _ways(model: HybridMDP, start: int, span: Span, most: int) -> list[WayOut]:
+    """The doorways of a state's region to compare, the best in the middle of a span of slips first.
+
+    Those that lead on to the goal without coming back, and those that the plan takes in the middle and at the ends.
+    """
     assert model.regions is not None
-    changed = replace(model, world=replace(model.grid, slip=slip))
-    exact, found = exact_values(changed.world), list[tuple[float, WayOut]]()
-    for door in model.regions.doorways:
-        if int(model.region_of[start]) not in door.pair:
-            continue
-        try:
-            room = left_by(changed, start, door)
-            found.append((value_in(room, changed, exact, start, door, slip), (door, room)))
-        except NoPlanError:  # this doorway leads nowhere
-            continue
-    if not found:
-        raise NoPlanError(f"no doorway of {_region(model, start)} leads on to the goal")
-    found.sort(key=lambda way: -way[0])
-    return [way for _, way in found[:most]]
+    low, high = span
+    doors = dict[str, Doorway]()
+    for slip in (low, high, (low + high) / 2):
+        changed = replace(model, world=replace(model.grid, slip=slip))
+        exact = exact_values(changed.world)
+        walk = exact_walk(changed, exact, start)
+        leave = legs_of(changed, walk)[1].first
+        taken = door_taken(changed, model.regions, walk[leave - 1], walk[leave])
+        doors[taken.name] = taken
+    choices = Chooser(changed, model.regions, exact_plan_values(changed, exact)).at(start, taken)
+    doors |= {choice.door.name: choice.door for choice in choices if choice.door is not None}
+    rooms = {name: left_by(changed, start, door) for name, door in doors.items()}
+    worth = {name: value_in(rooms[name], changed, exact, start, door, slip) for name, door in doors.items()}
+    return [(doors[name], rooms[name]) for name in sorted(worth, key=lambda name: -worth[name])[:most]]
 
 
 def _bounds(model: HybridMDP, start: int, ways: Iterable[WayOut], low: float, high: float) -> Bounds:

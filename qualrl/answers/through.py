@@ -4,7 +4,7 @@ S states, A actions.  All other doorways of the region are shut until it is left
 beyond the doorway is worth what it is worth in the whole world.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,6 @@ from qualrl.errors import NoPlanError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.one_doorway import OneDoorway, Room
 from qualrl.planning.planner import exact_walk
-from qualrl.qualitative.graph import crossings_of
 from qualrl.solving.exact import ExactValues, SlipSpan
 from qualrl.spatial.region_map import Doorway
 
@@ -60,7 +59,7 @@ def value_through(
     """The shifted value of a state whose region is left by one doorway, which slips do not change.
 
     exact: of the whole world, with the same slips.
-    Raises NoPlanError where no way leads from the state through the doorway, or on to the goal.
+    Raises NoPlanError where no way leads from the state through the doorway and on, even back, to the goal.
     """
     return value_in(left_by(model, start, door), model, exact, start, door, slip)
 
@@ -73,19 +72,10 @@ def value_in(
 
 
 def left_by(model: HybridMDP, start: int, door: Doorway | None) -> OneDoorway:
-    """The region of a state when it is left by one doorway.  Raises NoPlanError where that does not lead on."""
-    regions = model.regions
-    assert regions is not None
-    region = int(model.region_of[start])
-    room = Room.of(model, regions, np.flatnonzero(model.region_of == region)).left_by(door)
-    if door is None:
-        return room
-    others = [of for of in regions.doorways if region in of.pair and of.name != door.name]
-    walls = [wall for of in others for wall in crossings_of(regions, of)]
-    shut = replace(model.grid, closed=(*model.grid.closed, *walls))
-    if not (shut.steps_to_goal[room.beyond] >= 0).any():
-        raise NoPlanError(f"no way leads on to the goal through {door.name}")
-    return room
+    """The region of a state when it is left by one doorway; None: when it is not left but for the goal."""
+    assert model.regions is not None
+    inside = np.flatnonzero(model.region_of == model.region_of[start])
+    return Room.of(model, model.regions, inside).left_by(door)
 
 
 def _values(

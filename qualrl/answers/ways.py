@@ -223,4 +223,5 @@ def longer(way: Way, other: Way, depth: Depth) -> str:
 
 def _more(amount: float, unit: str, digits: int = 0) -> str:
     """How much more or less: "6 steps more"."""
-    return f"{abs(amount):.{digits}f} {unit} {'more' if amount >= 0 else 'fewer'}"
+    fewer = "fewer" if digits == 0 else "less"
+    return f"{abs(amount):.{digits}f} {unit} {'more' if amount >= 0 else fewer}"

@@ -1,5 +1,6 @@
 """What a change does to a plan: closed doorways, an opened wall, other numbers; and where it begins to matter."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,14 +15,16 @@ from qualrl.answers.trying import Trying, trying
 from qualrl.answers.ways import Way, course, longer, way_of, worth_of
 from qualrl.errors import SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
-from qualrl.planning.exits import ASTRAY, exits
+from qualrl.planning.exits import NO_WAY, exits
 from qualrl.planning.planner import exact_walk
 from qualrl.qualitative.plan_value import Contrast, contrast, told_apart
 from qualrl.solving.exact import ExactValues, exact_values, shifted_rewards
+from qualrl.spatial.region_map import RegionMap
 
 NUMBERS = ("gamma", "slip", "step_reward", "goal_reward")
 """Numbers of a world that may be changed little by little."""
-NO_WAY_LEFT, NO_WAY = "no way", "no way leads there"
+NO_WAY_THERE = "no way leads there"
+SAME_EXIT = "the best way leaves its region as before"
 GAINED = 1e-9
 """Values that rise by a smaller share rise by rounding."""
 MOST_NAMED = 3
@@ -97,8 +100,11 @@ class WhatIf(Answer):
     """None where no way leads to the goal with the changes."""
     reach: tuple[Reach, Reach]
     """Before and after."""
-    turned: tuple[Turned, ...]
-    """Regions from some cells of which the best way leaves by another doorway, or has none left, most cells first."""
+    turned: tuple[Turned, ...] | None
+    """Regions from some cells of which the best way leaves by another doorway, or has none left, most cells first; None
+    where the maps are of different size."""
+    is_opened: bool
+    """Whether walls are opened and nothing else is changed; then only cells that gain by it count as turned."""
     is_comparable: bool
     """Whether values before and after are of the same gamma."""
     chance: float | None
@@ -121,7 +127,7 @@ class WhatIf(Answer):
     def lines(self, depth: Depth) -> Iterator[str]:
         """See Answer."""
         at = depth.at_numbers(f" at gamma {self.gamma:.12g}")
-        now = NO_WAY if self.before is None else self.before.with_worth(depth)
+        now = NO_WAY_THERE if self.before is None else self.before.with_worth(depth)
         yield f"Now from {self.start} to {self.goal}{at}: {now}."
         yield f"With {', '.join(change.in_words(depth) for change in self.changes)}: {self._after_in_words(depth)}."
         if self.before is None and self.after is None:
@@ -165,13 +171,16 @@ class WhatIf(Answer):
         return f"{self.goal} can be reached {there}; 'qualrl why-unreachable' tells what is in the way."
 
     def _turned_in_words(self, depth: Depth) -> list[str]:
+        if self.turned is None:
+            return ["The map is of another size, so what its cells are left by is not set beside what it was."]
         turned = [(of.region, of.cells - of.cut_off, of.of) for of in self.turned]
         lost = [(of.region, of.cut_off, of.of) for of in self.turned]
         words = (
             _counted(turned, "the best way leaves its region otherwise than before", depth),
             _counted(lost, "no way is left", depth),
         )
-        return [line for line in words if line] or ["From every cell the best way leaves its region as before."]
+        same = "to leave its region as before is as good as any way" if self.is_opened else SAME_EXIT
+        return [line for line in words if line] or [f"From every cell {same}."]
 
     def facts(self) -> dict[str, Any]:
         """See Answer; with the formulas and the certificates."""
@@ -182,7 +191,8 @@ class WhatIf(Answer):
             "after": None if self.after is None else self.after.to_dict(),
             "reach": [of.to_dict() for of in self.reach],
             "is_comparable": self.is_comparable, "chance": self.chance,
-            "turned": [turned.to_dict() for turned in self.turned],
+            "turned": None if self.turned is None else [turned.to_dict() for turned in self.turned],
+            "is_opened": self.is_opened,
             "trying": None if self.trying is None else self.trying.to_dict(),
             "switch": None if self.switch is None else self.switch.to_dict(),
             "contrast": None if self.contrast is None else self.contrast.to_dict("before", "after"),
@@ -216,7 +226,8 @@ def what_if(
     if not changes:
         raise SettingError("say what to change: a doorway to close, a wall to open, or a setting")
     exact, exact_after = exact_values(before.world), exact_values(after.world)
-    turned, is_comparable = _turned(before, after, exact, exact_after), before.gamma == after.gamma
+    is_opened = before.grid.differs_in(after.grid) == {"free"}
+    turned, is_comparable = _turned(before, after, exact, exact_after, is_opened), before.gamma == after.gamma
     walk, way = _walked(before, exact, starts[0])
     walk_after, way_after = _walked(after, exact_after, starts[1])
     tried = compared = switch = None
@@ -231,7 +242,8 @@ def what_if(
             tried = trying(unclosed, after, open_walk, walk_after, exact_after, chance, open_exact)
     reach = _reach(before), _reach(after)
     return WhatIf(
-        *names, before.gamma, changes, way, way_after, reach, turned, is_comparable, chance, tried, switch, compared
+        *names, before.gamma, changes, way, way_after, reach, turned, is_opened, is_comparable, chance, tried, switch,
+        compared,
     )  # fmt: skip
 
 
@@ -247,21 +259,26 @@ def _walked(model: HybridMDP, exact: ExactValues, start: int) -> tuple[list[int]
     return walk, way_of(model, [walk], exact.shifted[start], exact.shift)
 
 
-def _turned(before: HybridMDP, after: HybridMDP, exact: ExactValues, exact_after: ExactValues) -> tuple[Turned, ...]:
-    """Regions whose cells, those that are on both maps, are left otherwise; () for maps of different size.
+def _turned(
+    before: HybridMDP, after: HybridMDP, exact: ExactValues, exact_after: ExactValues, is_opened: bool
+) -> tuple[Turned, ...] | None:
+    """Regions whose cells, those that are on both maps, are left otherwise; None for maps of different size.
 
     Of equally good ways that counts which a plan takes; but where a wall alone was opened and a cell gained nothing,
     its old way is as good as ever.
     """
+    assert before.regions is not None
+    assert after.regions is not None
     if before.grid.free.shape != after.grid.free.shape:
-        return ()
-    first, second = _exit_names(before, exact), _exit_names(after, exact_after)
+        return None
+    first, second = exits(before, before.regions, exact), exits(after, after.regions, exact_after)
+    second = np.where(second >= 0, _same_doorways(before.regions, after.regions)[np.maximum(second, -1)], second)
     both = before.grid.free & after.grid.free
     here, there = before.grid.state_of[both], after.grid.state_of[both]
     changed = first[here] != second[there]
-    if before.grid.differs_in(after.grid) == {"free"}:
+    if is_opened:
         changed &= exact_after.shifted[there] > exact.shifted[here] * (1 + GAINED)
-    cut_off = changed & (second[there] == NO_WAY_LEFT)
+    cut_off = changed & (second[there] == NO_WAY)
     size = len(before.region_names)
     cells, lost, of = (
         np.bincount(before.region_of[states], minlength=size)
@@ -271,11 +288,17 @@ def _turned(before: HybridMDP, after: HybridMDP, exact: ExactValues, exact_after
     return tuple(Turned(before.region_names[at], int(cells[at]), int(lost[at]), int(of[at])) for at in order.tolist())
 
 
-def _exit_names(model: HybridMDP, exact: ExactValues) -> NDArray[np.str_]:
-    """(S,) the doorway by which the best way leaves the region, or that it does not, or that there is none."""
-    assert model.regions is not None
-    names = ["values fade", NO_WAY_LEFT, "goal here", *(door.name for door in model.regions.doorways)]
-    return np.array(names)[exits(model, model.regions, exact) - ASTRAY]
+def _same_doorways(before: RegionMap, after: RegionMap) -> NDArray[np.int64]:
+    """(D + 1,) of each doorway afterwards the one before with which it shares most cells, whatever both are called.
+
+    Others have numbers of their own; one more stands for none.
+    """
+    at = {cell: number for number, door in enumerate(before.doorways) for cell in map(tuple, door.cells.tolist())}
+    found = []
+    for number, door in enumerate(after.doorways):
+        shared = Counter(at[cell] for cell in map(tuple, door.cells.tolist()) if cell in at)
+        found.append(shared.most_common(1)[0][0] if shared else len(before.doorways) + number)
+    return np.array([*found, -1], np.int64)
 
 
 def _switch(model: HybridMDP, walk: Sequence[int], name: str, to: float, way: Way) -> Switch | None:

@@ -76,6 +76,8 @@ class Why(Answer):
     """What the best doorway is worth if slips may not change it; None where no move slips, or that is all the same."""
     over_gamma: OverGamma | None = None
     """Of leaving by the one doorway or the other, for a range of gammas where moves slip; None unless asked for."""
+    can_come_back: bool = False
+    """Whether there are ways out of the region by one doorway and back by another; told where no other leads on."""
 
     @property
     def margin(self) -> float:
@@ -88,7 +90,8 @@ class Why(Answer):
         yield f"In {self.at}{cell}, the plan for {self.goal} is to {self.action}: {self.best.with_worth(depth)}."
         if self.other is None:
             here = "The goal is in it" if not self.best.doors else "No other doorway leads on from there"
-            yield f"{here}, so there is nothing to choose."
+            back = " without coming back" if self.can_come_back else ""
+            yield f"{here}{back}, so there is nothing to choose."
             return
         margin = self.margin
         less = depth.at_numbers(
@@ -103,9 +106,8 @@ class Why(Answer):
             yield from self._made_up_of(margin, depth)
         if self.bound is not None:
             words = WORTH[1 + int(np.sign(self.bound.beside(self.best.worth)))]
-            bound = (
-                f"bound to {self.best.doors[0]} it would be {depth.at_numbers(f'worth {self.bound.value:.6g}', words)}"
-            )
+            worth = depth.at_numbers(f"worth {self.bound.value:.6g}", words)
+            bound = f"bound to {self.best.doors[0]}, the others shut to slips, too, it would be {worth}"
             yield f"The plan may turn to another doorway after a slip; {bound}."
         if self.contrast is not None:
             words = self.contrast.in_words("the plan", "the next best", depth == Depth.NUMBERS)
@@ -133,6 +135,7 @@ class Why(Answer):
             "question": "why", "at": self.at, "cell": list(self.cell), "to": self.goal, "gamma": self.gamma,
             "action": self.action, "best": self.best.to_dict(), "other_action": self.other_action,
             "other": None if self.other is None else self.other.to_dict(), "margin": self.margin,
+            "can_come_back": self.can_come_back,
             "bound": None if self.bound is None else {"value": self.bound.value, "shifted": self.bound.shifted},
             "entries": [
                 {"region": of.region, "kind": of.kind, "best": of.best, "other": of.other, "difference": of.difference}
@@ -171,10 +174,12 @@ def why(model: HybridMDP, start: int, goal: str, at: str | None, gammas: Span | 
     leave = legs[1].first
     door = door_taken(model, model.regions, walk[leave - 1], walk[leave])
     action = _action(door, best.places[1])
-    choices = Chooser(model, model.regions, exact_plan_values(model, exact)).at(walk[0], door)
+    chooser = Chooser(model, model.regions, exact_plan_values(model, exact))
+    choices = chooser.at(walk[0], door)
     others = [choice for choice in choices if choice.door is not door]
     if not others:
-        return Why(place, cell, goal, model.gamma, action, best, None, None, (), None)
+        back = chooser.can_come_back(legs[0].region)
+        return Why(place, cell, goal, model.gamma, action, best, None, None, (), None, can_come_back=back)
     through = way_through(model, exact, walk[0], others[0].door)
     other = way_of(model, through.parts, through.shifted, exact.shift)
     slips = model.grid.slip > 0

@@ -60,6 +60,14 @@ class Chooser:
         values = np.array(self._values_through(region, doors)).reshape(len(doors), len(self.states[region]))
         return doors, np.where(np.isfinite(values), values, 0.0)
 
+    def can_come_back(self, region: int) -> bool:
+        """Whether ways lead out of a region by one of its doorways, and back by another."""
+        for _, beyond in self._doors[region]:
+            around = self._regions_around(beyond, region)
+            if sum(there in around for _, there in self._doors[region]) > 1:
+                return True
+        return False
+
     def _onward(self, region: int, taken: Doorway | None = None) -> list[tuple[Doorway, int]]:
         onward = self._regions_of_the_goal_without(region)
         return [(door, beyond) for door, beyond in self._doors[region] if beyond in onward or door is taken]
@@ -87,9 +95,11 @@ class Chooser:
     def _regions_of_the_goal_without(self, left: int) -> set[int]:
         """Regions from which the goal's can be reached without passing a region (all, if that is the goal's)."""
         goal = int(self.model.region_of[self.model.grid.goal])
-        if goal == left:
-            return set(range(len(self._doors)))
-        reached, edge = {goal}, [goal]
+        return set(range(len(self._doors))) if goal == left else self._regions_around(goal, left)
+
+    def _regions_around(self, region: int, left: int) -> set[int]:
+        """Regions from which one can be reached without passing another."""
+        reached, edge = {region}, [region]
         while edge:
             new = {beyond for region in edge for _, beyond in self._doors[region]} - reached - {left}
             reached |= new

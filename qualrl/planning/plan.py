@@ -22,7 +22,7 @@ class Step:
     action: str
     to: str
     value: float
-    """Value of this action where the place is entered."""
+    """Value of this action where the place is entered: of leaving by its doorway, whatever slips do."""
     reason: str
     runner_up: str | None
     """The best action not taken; None when there is no other."""
@@ -39,6 +39,9 @@ class Step:
     """Landmarks passed on the way, in their order."""
     compass: str | None = None
     """Where the plan starts: in which of eight directions on the map the way out or the goal lies; else None."""
+    free_value: float | None = None
+    """What it is worth to go on as is best, even where slips make another doorway better or a way leads over another
+    region's border for a moment; None where that is as much."""
 
     def in_words(self) -> str:
         """As a line of the plan."""
@@ -55,6 +58,7 @@ class Step:
             "action": self.action,
             "to": self.to,
             "value": self.value,
+            "free_value": self.free_value,
             "reason": self.reason,
             "runner_up": self.runner_up,
             "runner_up_value": self.runner_up_value,

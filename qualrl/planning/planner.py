@@ -171,49 +171,72 @@ def _step(
     if chooser is None:
         return _step_without_map(model, walk[leg.first], place, to, len(part) - 1, values)
     door = door_taken(model, chooser.regions, walk[end - 1], walk[end])
-    return _step_through(
-        model, place, door, following.region, chooser.at(walk[leg.first], door), len(part) - 1, far_m, values
-    )
+    return _step_through(chooser, walk[leg.first], door, following.region, len(part) - 1, far_m)
 
 
 def _step_through(
-    model: HybridMDP, place: str, door: Doorway, to_region: int, choices: list[Choice], steps: int,
-    length_m: float | None, values: PlanValues,
+    chooser: Chooser, state: int, door: Doorway, to_region: int, steps: int, length_m: float | None
 ) -> Step:  # fmt: skip
-    def action(of: Choice) -> str:
-        region = model.region_names[of.to_region]
-        return f"staying in {region}" if of.door is None else f"{of.door.name} to {region}"
-
+    model, values = chooser.model, chooser.values
+    region = int(model.region_of[state])
+    place, to = model.region_names[region], model.region_names[to_region]
+    choices = chooser.at(state, door)
     taken = next(choice for choice in choices if choice.door is door)
     others = [choice for choice in choices if choice.door is not door]
-    to = model.region_names[to_region]
-    value = values.plain(taken.shifted)
-    said = f"go through {door.name} to {to}"
+    value, said = values.plain(taken.shifted), f"go through {door.name} to {to}"
     if not others:
-        reason = f"the only way on from {place} to the goal, worth {value:.6g}"
+        back = " without coming back" if chooser.can_come_back(region) else ""
+        reason = f"the only way on from {place} to the goal{back}, worth {value:.6g}"
         return Step(place, said, to, value, reason, None, None, None, steps, length_m)
     other = others[0]
+    margin, other_value = taken.shifted - other.shifted, values.plain(other.shifted)
+    free = float(values.shifted[state])
+    apart = max(abs(free - taken.shifted), -margin)
+    turns = values.source == "exact" and apart > _off(model, values, free, taken.shifted)
+    reason = _reason(chooser, taken, other, values.plain(free) if turns else None)
+    return Step(
+        place, said, to, value, reason, _named(model, other), other_value, margin, steps, length_m,
+        free_value=values.plain(free) if turns else None,
+    )  # fmt: skip
+
+
+def _named(model: HybridMDP, choice: Choice) -> str:
+    region = model.region_names[choice.to_region]
+    return f"staying in {region}" if choice.door is None else f"{choice.door.name} to {region}"
+
+
+def _off(model: HybridMDP, values: PlanValues, *shifted: float) -> float:
+    """By how much values may be off together."""
+    return float(sum(off_of(model.grid, value, values.shift) for value in shifted))
+
+
+def _reason(chooser: Chooser, taken: Choice, other: Choice, free: float | None) -> str:
+    """Why one doorway is taken and not another.
+
+    free: what it is worth where slips may change which doorway it is, or the way leads over the border of another
+    region for a moment, if that makes a difference.
+    """
+    model, values = chooser.model, chooser.values
     margin = taken.shifted - other.shifted
-    other_value = values.plain(other.shifted)
-    off = sum(off_of(model.grid, of.shifted, values.shift) for of in (taken, other))
+    off = _off(model, values, taken.shifted, other.shifted)
+    value, other_value = values.plain(taken.shifted), values.plain(other.shifted)
+    assert taken.door is not None
+    than = f"{_named(model, other)} ({other_value:.6g})"
+    if free is not None:
+        more = f"{abs(margin):.3g} {'more' if margin > 0 else 'less'} than"
+        if abs(margin) <= off:
+            more = f"to within {off:.1g} as much as"
+        shut = "the others shut to slips, too," if model.grid.slip > 0 else "the others shut,"
+        return f"worth {free:.6g}; bound to {taken.door.name}, {shut} {value:.6g}, {more} bound to {than}"
     if abs(margin) <= off:
         alike = f"to within {off:.1g} as much" if model.grid.slip > 0 else "exactly as much"
-        reason = f"worth {value:.6g}, {alike} as {action(other)}"
-    elif margin > 0:
-        reason = (
-            f"worth {value:.6g}, which is {margin:.3g} more than the next best, {action(other)} ({other_value:.6g})"
-        )
-    elif values.source == "exact":
-        reason = (
-            f"worth {value:.6g} bound to {door.name}, less than bound to {action(other)} ({other_value:.6g}), but it "
-            "may turn to another doorway after a slip"
-        )
-    else:
-        reason = (
-            f"worth {value:.6g} by what was learned; {action(other)} would be worth {-margin:.3g} more "
-            f"({other_value:.6g}), a difference that learning has not settled"
-        )
-    return Step(place, said, to, value, reason, action(other), other_value, margin, steps, length_m)
+        return f"worth {value:.6g}, {alike} as {_named(model, other)}"
+    if margin > 0:
+        return f"worth {value:.6g}, which is {margin:.3g} more than the next best, {than}"
+    return (
+        f"worth {value:.6g} by what was learned; {_named(model, other)} would be worth {-margin:.3g} more "
+        f"({other_value:.6g}), a difference that learning has not settled"
+    )
 
 
 def _step_without_map(model: HybridMDP, state: int, place: str, to: str, steps: int, values: PlanValues) -> Step:
