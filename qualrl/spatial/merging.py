@@ -22,13 +22,14 @@ from qualrl.kernels.bands import Result, both
 from qualrl.kernels.bonds import Bonds, linked
 from qualrl.kernels.labels import borders, consecutive, renumber, sizes
 from qualrl.kernels.trees import Questions, Trees, questions_of
+from qualrl.kernels.zones import flat_zones
 from qualrl.spatial.distance import distance_within, thickness_over
 from qualrl.spatial.straightening import straightened
-from qualrl.spatial.view import View, flat_zones
+from qualrl.spatial.view import View
 from qualrl.spatial.wall_lines import WallLines, find_wall_lines, walls_of, without_specks
 
 PINCH, STEP = 0.85, 0.8
-"""See ``kernels.regions.flat_zones``."""
+"""See ``kernels.zones.flat_zones``."""
 LEAST_ZONE_M2 = 0.15
 """Smaller zones go to those beside them."""
 LEAST_ODDS = 0.0

@@ -16,7 +16,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels import regions as kernels
 from qualrl.kernels.scratch import borrowed
 from qualrl.kernels.wall_gaps import single_gaps
 from qualrl.spatial.distance import distance_within, thickness_over
@@ -162,12 +161,6 @@ def _widened(part: slice, side: int) -> tuple[slice, slice]:
 def enlarged(flags: Flags, zoom: int) -> Flags:
     """(h, w) flags (H, W) with so many cells along each, and a margin."""
     return np.pad(flags if zoom == 1 else flags.repeat(zoom, 0).repeat(zoom, 1), 1)
-
-
-def flat_zones(thickness: Floats, distance: Floats, pinch: float, step: float) -> tuple[Labels, int]:
-    """(h, w) zones of alike thickness, -1 where distance is 0, and their number: see ``kernels.regions.flat_zones``."""
-    order = kernels.thick_first(thickness, distance)
-    return kernels.flat_zones(thickness, distance, order, pinch, step)
 
 
 def _is_coarse(free: Flags, cell_m: float) -> bool:
