@@ -26,7 +26,7 @@ from qualrl.kernels import labels, zone_graph
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.bands import both
 from qualrl.spatial.distance import distance_within
-from qualrl.spatial.naming import name_regions, ordered
+from qualrl.spatial.naming import names_of, ordered
 from qualrl.spatial.region_map import Doorway, Region, Shape
 from qualrl.spatial.view import WALLED_M
 
@@ -100,22 +100,23 @@ def listed(
     parts: Parts, shapes: Sequence[Shape], kinds: Sequence[str], resolution_m: float
 ) -> tuple[tuple[Region, ...], list[int]]:
     """The regions in their order, with names; and the number of each in ``parts``."""
-    regions = recorded(parts, [("", kind) for kind in kinds], shapes, resolution_m)
-    order = ordered(regions, resolution_m)
-    return name_regions([regions[at] for at in order]), order
+    order = ordered(kinds, parts.centroid, parts.cells, resolution_m)
+    kinds = [kinds[at] for at in order]
+    return tuple(recorded(parts, list(zip(names_of(kinds), kinds, strict=True)), shapes, resolution_m, order)), order
 
 
 def recorded(
-    parts: Parts, titles: Sequence[tuple[str, str]], shapes: Sequence[Shape], resolution_m: float
+    parts: Parts, titles: Sequence[tuple[str, str]], shapes: Sequence[Shape], resolution_m: float, order: Sequence[int]
 ) -> list[Region]:
-    """The regions in the order of their numbers; titles: the name and kind of each."""
+    """The regions in an order, of their numbers; titles: the name and kind of each; shapes by number."""
     width = parts.label.shape[1]
     return [
         Region(
-            name, kind, size, size * resolution_m**2, (row, column), divmod(at, width), shape,
+            name, kind, size, size * resolution_m**2, (row, column), divmod(at, width), shapes[number],
         )
-        for (name, kind), size, (row, column), at, shape in zip(
-            titles, parts.cells.tolist(), parts.centroid.tolist(), parts.centre.tolist(), shapes, strict=True
+        for number, (name, kind), size, (row, column), at in zip(
+            order, titles, parts.cells[order].tolist(), parts.centroid[order].tolist(), parts.centre[order].tolist(),
+            strict=True,
         )
     ]  # fmt: skip
 
