@@ -200,11 +200,16 @@ def test_cells_are_told_by_their_labels(label, wanted):
 
 @settings(deadline=None, max_examples=100)
 @given(LABELS, WIDTHS, WIDTHS, st.integers(2, 4))
-def test_pieces_crossings_and_zones_are_the_same_in_any_number_of_bands(label, distance, thickness, bands):
+def test_what_is_found_is_the_same_in_any_number_of_bands(label, distance, thickness, bands):
     def found():
         zone, count = zones.flat_zones(np.pad(thickness, 1), np.pad(distance, 1), 0.85, 0.8)
         piece, pieces = regions.pieces(label)
-        return piece, zone, regions.crossings(label), np.array([pieces, count])
+        numbered, cores = label.copy(), label.copy()
+        counts = pieces, count, labels.consecutive(numbered)
+        regions.keep_cores(cores, distance, thickness, np.float32(1))
+        of_labels = labels.sizes(label, 4), labels.cells_with(label, np.array([True, False, False, True]))
+        at = labels.labels_at(piece, pieces, label)
+        return piece, zone, numbered, cores, at, *of_labels, regions.crossings(label), np.array(counts)
 
     alone = found()
     fewest = patch.object(banding, "LEAST_CELLS", 1), patch.object(zones, "LEAST_CELLS", 1)
@@ -228,7 +233,7 @@ def test_cells_of_any_width_are_taken_from_thick_to_thin(width, share):
 @given(FLAGS)
 def test_cells_are_listed_piece_by_piece(free):
     label = labels.as_label(np.pad(free, 1))
-    order, start = zones.by_piece(regions.forest_of(label))
+    order, start = zones.by_piece(regions.forest_of(label), np.count_nonzero(free))
     piece, count = regions.pieces(label)
     expected = [np.flatnonzero(piece.ravel() == number).tolist() for number in range(count)]
     assert [order[first:end].tolist() for first, end in pairwise(start)] == expected

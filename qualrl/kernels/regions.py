@@ -56,9 +56,18 @@ def root_of(forest: Ints, cell: int) -> int:
     return cell
 
 
-@compiled_bare
 def numbered(forest: Ints) -> int:
-    """Sets of cells as consecutive numbers, in the order of their first cell; the forest becomes the label image."""
+    """Sets of cells as consecutive numbers, in the order of their first cells: the forest (H, W) becomes their image.
+
+    How many they are.
+    """
+    count = _number_sets(forest.ravel())
+    in_bands(lambda top, bottom: _write_numbers(forest[top:bottom].ravel()), forest.shape)
+    return count
+
+
+@compiled_bare
+def _number_sets(forest: Ints) -> int:
     count = 0
     for cell in range(forest.size):
         if forest[cell] == NO_SET:
@@ -68,15 +77,19 @@ def numbered(forest: Ints) -> int:
             forest[root] = FIRST_NUMBER - count
             count += 1
         forest[cell] = forest[root]
+    return count
+
+
+@compiled_bare
+def _write_numbers(forest: Ints) -> None:
     for cell in range(forest.size):
         forest[cell] = FIRST_NUMBER - forest[cell] if forest[cell] != NO_SET else -1
-    return count
 
 
 def pieces(label: Any) -> tuple[Ints, int]:
     """4-connected pieces of equal label: (H, W) int32 piece of each cell, -1 where label is; and their number."""
     forest = forest_of(label)
-    return forest, numbered(forest.ravel())
+    return forest, numbered(forest)
 
 
 def forest_of(label: Any) -> Ints:
@@ -243,17 +256,30 @@ def _write_near(flat: Ints, distance: Floats, away: Floats) -> None:
                 away[r, c] = min(away[r, c], distance[abs(r - row), abs(c - column)])
 
 
-@compiled
 def keep_cores(label: Ints, from_border: Floats, thickness: Floats, most: np.float32) -> None:
     """Take from each label what is nearer to its border than ``most`` and half the thickness, unless nothing is left.
 
     label, from_border, thickness (H, W); label is -1 where not free and is updated.
     """
-    flat, away, thick = label.ravel(), from_border.ravel(), thickness.ravel()
-    has_core = np.zeros(flat.max() + 1, np.bool_)
+    has_core = np.zeros(int(label.max()) + 1, np.bool_)
+
+    def part(top: int, bottom: int) -> Any:
+        parts = (image[top:bottom].ravel() for image in (label, from_border, thickness))
+        return *parts, most, has_core
+
+    in_bands(lambda top, bottom: _find_cores(*part(top, bottom)), label.shape)
+    in_bands(lambda top, bottom: _keep_cores(*part(top, bottom)), label.shape)
+
+
+@compiled_bare
+def _find_cores(flat: Ints, away: Floats, thick: Floats, most: np.float32, has_core: Flags) -> None:
     for cell in range(flat.size):
         if flat[cell] >= 0 and away[cell] > min(thick[cell] / 2, most):
             has_core[flat[cell]] = True
+
+
+@compiled_bare
+def _keep_cores(flat: Ints, away: Floats, thick: Floats, most: np.float32, has_core: Flags) -> None:
     for cell in range(flat.size):
         if flat[cell] >= 0 and has_core[flat[cell]] and away[cell] <= min(thick[cell] / 2, most):
             flat[cell] = -1

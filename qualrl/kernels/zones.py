@@ -39,8 +39,9 @@ def flat_zones(thickness: Floats, distance: Floats, pinch: float, step: float) -
     A zone's root is the first of its cells, hence the thickest.
     Thickness tells steps and distance tells pinches: the discs of two rooms may touch in a door of a thin wall.
     """
-    forest = forest_of(as_label(distance > 0))
-    order, start = by_piece(forest)
+    free = distance > 0
+    forest = forest_of(as_label(free))
+    order, start = by_piece(forest, int(np.count_nonzero(free)))
     forest.fill(NO_SET)
     thick, way, sets = thickness.ravel(), distance.ravel(), forest.ravel()
 
@@ -52,19 +53,17 @@ def flat_zones(thickness: Floats, distance: Floats, pinch: float, step: float) -
     last = len(start) - 1
     half = int(np.searchsorted(start, order.size // 2)) if order.size >= LEAST_CELLS else last
     both(partial(cut, 0, half), partial(cut, half, last)) if half < last else cut(0, last)
-    return forest, numbered(sets)
+    return forest, numbered(forest)
 
 
-def by_piece(forest: Ints) -> tuple[Ints, Ints]:
+def by_piece(forest: Ints, cells: int) -> tuple[Ints, Ints]:
     """(F,) flat indices of the cells in sets, set by set in the order of their first cells, each in image order; and
-    (P + 1,) where those of each set begin.  The forest (H, W) is used up; cells of two sets are never side by side, and
-    none of any is on the map's edge.
+    (P + 1,) where those of each set begin.  cells: F.  The forest (H, W) is used up; cells of two
+    sets are never side by side, and none of any is on the map's edge.
     """
-    sets = forest.ravel()
-    order = borrowed(sets.size, np.int32)
-    start = borrowed(sets.size + 1, np.int32)
-    count = _write_by_piece(sets, order, start)
-    return order[: start[count]], start[: count + 1].copy()
+    order, start = borrowed(cells, np.int32), borrowed(cells + 1, np.int32)
+    count = _write_by_piece(forest.ravel(), order, start)
+    return order, start[: count + 1].copy()
 
 
 @compiled_bare
