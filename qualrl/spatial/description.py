@@ -16,7 +16,7 @@ any), so that maps without units, whose cells count as a metre, have no halls fo
 
 from collections.abc import Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -140,13 +140,16 @@ def shapes_of(parts: Parts, doorways: Sequence[Doorway], occupied: Flags, resolu
     stretch, fill = parts.cells / (2 * half_width) ** 2, parts.cells / sides.prod(axis=1)
     open_share = opening / border
     unknown_share = unknown / border if says_walls else np.zeros(count)
-    columns = (half_width * resolution_m, stretch, sides * resolution_m, fill, ways, open_share, unknown_share)
-    return [
-        Shape(wide_m, times, (longer_m, shorter_m), full, doors, openings, is_open, is_unknown)
-        for wide_m, times, (longer_m, shorter_m), full, (doors, openings), is_open, is_unknown in zip(
-            *(column.tolist() for column in columns), strict=True
-        )
-    ]
+    columns = half_width * resolution_m, stretch, *(sides.T * resolution_m), fill, *ways.T, open_share, unknown_share
+    # Of thousands of pockets many are alike in all of this, and one record does for them.
+    rows = list(zip(*(column.tolist() for column in columns), strict=True))
+    shape_of = {row: _shape(*row) for row in dict.fromkeys(rows)}
+    return [shape_of[row] for row in rows]
+
+
+def _shape(half_width_m: float, stretch: float, longer_m: float, shorter_m: float, *rest: Any) -> Shape:
+    """A shape from its numbers, in their order."""
+    return Shape(half_width_m, stretch, (longer_m, shorter_m), *rest)
 
 
 def _sides(parts: Parts) -> NDArray[np.float64]:
