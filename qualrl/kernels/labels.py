@@ -54,7 +54,7 @@ def as_label(mask: NDArray[np.bool_]) -> NDArray[np.int8]:
 def sizes(label: Ints, count: int) -> NDArray[np.int64]:
     """(count,) cells of each label (H, W), -1 where none."""
     found: NDArray[np.int64] = np.sum(
-        in_bands(lambda top, bottom: _sizes(label[top:bottom], count), label.shape), axis=0
+        in_bands(lambda top, bottom: _sizes(label[top:bottom], count), label.shape, is_light=True), axis=0
     )
     return found
 
@@ -142,7 +142,7 @@ def fill_holes(label: Ints, hole: Any, box: Any, width: Floats) -> None:
 
 def renumber(label: Ints, number: Ints) -> Ints:
     """Put the number (count,) of each label in its place; -1 stays.  The label image (H, W) is updated."""
-    in_bands(lambda top, bottom: _renumber(label[top:bottom].ravel(), number), label.shape)
+    in_bands(lambda top, bottom: _renumber(label[top:bottom].ravel(), number), label.shape, is_light=True)
     return label
 
 
@@ -172,7 +172,7 @@ def cells_with(label: Ints, wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Flat indices of the cells whose label (H, W) is wanted (count,), in image order."""
     width = label.shape[1]
     return np.concatenate(
-        in_bands(lambda top, bottom: _cells_with(label[top:bottom], wanted) + top * width, label.shape)
+        in_bands(lambda top, bottom: _cells_with(label[top:bottom], wanted) + top * width, label.shape, is_light=True)
     )
 
 
@@ -201,7 +201,9 @@ def consecutive(label: Ints) -> int:
 
 def labels_at(piece: Ints, count: int, label: Ints) -> Ints:
     """(count,) label (H, W) of the last cell of each piece (H, W), -1 where none."""
-    found, *below = in_bands(lambda top, bottom: _labels_at(piece[top:bottom], count, label[top:bottom]), label.shape)
+    found, *below = in_bands(
+        lambda top, bottom: _labels_at(piece[top:bottom], count, label[top:bottom]), label.shape, is_light=True
+    )
     for later in below:
         np.copyto(found, later, where=later >= 0)
     return found

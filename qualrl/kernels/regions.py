@@ -62,7 +62,7 @@ def numbered(forest: Ints) -> int:
     How many they are.
     """
     count = _number_sets(forest.ravel())
-    in_bands(lambda top, bottom: _write_numbers(forest[top:bottom].ravel()), forest.shape)
+    in_bands(lambda top, bottom: _write_numbers(forest[top:bottom].ravel()), forest.shape, is_light=True)
     return count
 
 
@@ -267,8 +267,8 @@ def keep_cores(label: Ints, from_border: Floats, thickness: Floats, most: np.flo
         parts = (image[top:bottom].ravel() for image in (label, from_border, thickness))
         return *parts, most, has_core
 
-    in_bands(lambda top, bottom: _find_cores(*part(top, bottom)), label.shape)
-    in_bands(lambda top, bottom: _keep_cores(*part(top, bottom)), label.shape)
+    in_bands(lambda top, bottom: _find_cores(*part(top, bottom)), label.shape, is_light=True)
+    in_bands(lambda top, bottom: _keep_cores(*part(top, bottom)), label.shape, is_light=True)
 
 
 @compiled_bare

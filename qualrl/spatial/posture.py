@@ -57,7 +57,7 @@ def _turned(
         elif not transposed:
             to[:] = part
 
-    in_bands(turn, into.shape)
+    in_bands(turn, into.shape, is_light=True)
     return into
 
 
