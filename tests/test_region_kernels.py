@@ -331,11 +331,13 @@ def test_runs_are_as_long_as_their_cells_in_a_row(label, data):
 
 
 @settings(deadline=None)
-@given(FLAGS)
-def test_free_cells_are_listed_row_by_row(free):
-    found = grid.cells_of(free)
-    assert found.dtype == np.int32
-    np.testing.assert_array_equal(found, np.argwhere(free))
+@given(FLAGS, st.integers(1, 3))
+def test_free_cells_are_numbered_row_by_row(free, bands):
+    with patch.object(banding, "LEAST_CELLS", 1), patch.object(banding, "processors", lambda: bands):
+        cells, state_of = grid.cells_and_states(free)
+    assert cells.dtype == state_of.dtype == np.int32
+    np.testing.assert_array_equal(cells, np.argwhere(free))
+    np.testing.assert_array_equal(state_of, np.where(free, np.cumsum(free).reshape(free.shape) - 1, -1))
 
 
 def test_memory_is_used_again_when_nothing_looks_at_it_and_someone_wants_it():
