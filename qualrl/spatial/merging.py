@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels import flooding, wall_gaps, zone_graph
+from qualrl.kernels import flooding, linking, wall_gaps, zone_graph
 from qualrl.kernels import merging as kernels
 from qualrl.kernels import regions as zone_kernels
 from qualrl.kernels.bands import Result, both
@@ -42,10 +42,13 @@ MOST_SUPPORT_M = 5.0
 """A longer wall beside a gap says no more."""
 DIRECTIONS = 32
 """In which the reach of places is measured."""
+MORE = 0.65
+"""About this share of the zones is merged by one processor, if they can be parted; another has more to do beside."""
 NO_SAMPLES = kernels.Samples(np.zeros(0, np.int32), np.zeros((0, 0)), np.zeros(1, np.int64))
 
 Flags = NDArray[np.bool_]
 Labels = NDArray[np.int32]
+Cells = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
 
@@ -69,11 +72,30 @@ def merged_regions(
     """
     graph = zone_graph_of(view, occupied)
     asked = questions()
-    merge = partial(kernels.merge, graph.places, graph.bonds, asked, graph.about, LEAST_ODDS, min_area_m2, NO_SAMPLES)
-    _, made = both(merge, meanwhile)
+    more, fewer = apart(graph.bonds)
+
+    def merge(chosen: Cells) -> None:
+        of_map = asked, graph.about, LEAST_ODDS, min_area_m2, NO_SAMPLES
+        kernels.merge(graph.places, graph.bonds, chosen, *of_map)
+
+    def others() -> Result:
+        made = meanwhile()
+        merge(fewer)
+        return made
+
+    _, made = both(partial(merge, more), others)
     region = renumber(graph.zone, graph.places.parent)
-    del graph, merge
     return straightened(region, view, STRAIGHTENED_M / view.cell_m), made
+
+
+def apart(bonds: Bonds) -> tuple[Cells, Cells]:
+    """The zones in two parts that no bonds lead between: of maps of one building, all and none."""
+    count = len(bonds.first)
+    ends, starts = np.ascontiguousarray(bonds.target.reshape(-1, 2).T, np.int64)
+    piece = linking.pieces(starts, ends, count)
+    cells = np.bincount(piece)
+    is_more = (np.cumsum(cells) - cells / 2 <= MORE * count)[piece]
+    return np.flatnonzero(is_more), np.flatnonzero(~is_more)
 
 
 @cache
