@@ -26,6 +26,13 @@ def beside(cell, shape):
     return [(r, c) for r, c in around if 0 <= r < shape[0] and 0 <= c < shape[1]]
 
 
+def thick_first(thickness, distance):
+    """The cells (row, column) with a distance: thick before thin, far before near, then by position; in sixteenths."""
+    near, thin = (-np.minimum(np.floor(width.ravel() * np.float32(16)), 65535) for width in (distance, thickness))
+    order = np.lexsort((np.arange(near.size), near, thin)).tolist()
+    return [divmod(cell, distance.shape[1]) for cell in order if distance.ravel()[cell] > 0]
+
+
 def flat_zones(thickness, distance, order, pinch, step):
     """The zones as a set of sets of cells; order: cells (row, column) from thick to thin."""
     zones = {}

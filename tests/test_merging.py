@@ -14,7 +14,7 @@ from qualrl.kernels import merging as kernels
 from qualrl.kernels import zone_graph
 from qualrl.kernels.bonds import linked
 from qualrl.kernels.trees import Trees, odds_of, questions_of
-from qualrl.spatial.merging import unpacked
+from qualrl.spatial.merging import apart, unpacked
 from qualrl.training.merging import packed
 from tests import oracles_merging
 from tests.oracles_merging import Contact, Merging, Place, Zone
@@ -136,12 +136,14 @@ def walked(zones, contacts, trees, least_odds, min_area, truth=None, room=ROOM):
     return walk(zones, contacts, trees, least_odds, min_area, truth, room)[1:]
 
 
-def walk(zones, contacts, trees, least_odds, min_area, truth, room=ROOM):
-    """(places, host of each zone, samples)."""
+def walk(zones, contacts, trees, least_odds, min_area, truth, room=ROOM, parts=()):
+    """(places, host of each zone, samples); all zones at once, or part by part."""
     places, bonds = arrays_of(zones, contacts)
     known = np.array([] if truth is None else truth, np.int32)
     samples = kernels.Samples(known, np.zeros((room, FEATURES + 2)), np.zeros(1, np.int64))
-    kernels.merge(places, bonds, trees, np.array(ABOUT), least_odds, min_area, samples)
+    for part in parts or [range(len(zones))]:
+        chosen = np.array(part, np.int64)
+        kernels.merge(places, bonds, chosen, trees, np.array(ABOUT), least_odds, min_area, samples)
     return places, places.parent.tolist(), samples.found[: samples.size[0]]
 
 
@@ -243,6 +245,21 @@ def test_places_are_whole_zones_that_touch(drawn, least_odds, min_area):
         assert nx.is_connected(graph.subgraph(members))
         if sum(zones[zone].area for zone in members) < min_area:
             assert set(members) == nx.node_connected_component(graph, host), "it touches something"
+
+
+@settings(deadline=None, max_examples=60)
+@given(GRAPHS, st.sampled_from([-9, 0, 0.5]), st.sampled_from([0.0, 0.3, 2.0]), st.randoms())
+def test_what_no_contacts_join_can_be_merged_apart_and_in_any_order(drawn, least_odds, min_area, random):
+    zones, contacts, trees = graph_and_trees(drawn)
+    _, bonds = arrays_of(zones, contacts)
+    parts = [part.tolist() for part in apart(bonds)]
+    linked = [{contact.one, contact.other} for contact in contacts]
+    assert sorted([*parts[0], *parts[1]]) == list(range(len(zones)))
+    assert all(ends <= {*parts[0]} or ends <= {*parts[1]} for ends in linked)
+    random.shuffle(parts)
+    _, at_once, _ = walk(zones, contacts, trees, least_odds, min_area, None)
+    _, in_parts, _ = walk(zones, contacts, trees, least_odds, min_area, None, parts=parts)
+    assert in_parts == at_once
 
 
 @settings(deadline=None, max_examples=60)

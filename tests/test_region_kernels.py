@@ -3,6 +3,7 @@
 import os
 import threading
 import time
+from itertools import pairwise
 from unittest.mock import patch
 
 import cv2
@@ -15,7 +16,7 @@ from numba import njit
 from scipy import ndimage
 
 from qualrl.kernels import bands as banding
-from qualrl.kernels import flooding, grid, labels, regions, scratch, zone_graph
+from qualrl.kernels import flooding, grid, labels, regions, scratch, zone_graph, zones
 from qualrl.kernels.instructions import prefetch, trailing_zeros
 from qualrl.spatial.distance import distance_within, thickness_over
 from tests import oracles_regions
@@ -44,9 +45,8 @@ WIDTHS = arrays(np.float32, SHAPES, elements=st.sampled_from([0, 0.5, 1, 1.125, 
 @given(WIDTHS, WIDTHS, st.sampled_from([0.5, 0.85, 1.0]), st.sampled_from([0.5, 0.8]))
 def test_flat_zones_are_the_textbook_ones(width, other, pinch, step):
     distance, thickness = np.pad(np.minimum(width, other), 1), np.pad(np.maximum(width, other), 1)
-    order = regions.thick_first(thickness, distance)
-    zone, count = regions.flat_zones(thickness, distance, order, pinch, step)
-    cells = [divmod(cell, zone.shape[1]) for cell in order.tolist()]
+    zone, count = zones.flat_zones(thickness, distance, pinch, step)
+    cells = oracles_regions.thick_first(thickness, distance)
     found = {frozenset(map(tuple, np.argwhere(zone == number).tolist())) for number in range(count)}
     assert found == oracles_regions.flat_zones(thickness, distance, cells, pinch, step)
     assert ((zone >= 0) == (distance > 0)).all()
@@ -200,14 +200,43 @@ def test_cells_are_told_by_their_labels(label, wanted):
 
 @settings(deadline=None, max_examples=100)
 @given(LABELS, WIDTHS, WIDTHS, st.integers(2, 4))
-def test_pieces_crossings_and_orders_are_the_same_in_any_number_of_bands(label, distance, thickness, bands):
-    alone = regions.pieces(label), regions.crossings(label), regions.thick_first(thickness, distance)
-    with patch.object(banding, "LEAST_CELLS", 1), patch.object(banding, "processors", lambda: bands):
-        found = regions.pieces(label), regions.crossings(label), regions.thick_first(thickness, distance)
-    np.testing.assert_array_equal(found[0][0], alone[0][0])
-    assert found[0][1] == alone[0][1]
-    for ours, expected in zip(found[1:], alone[1:], strict=True):
-        np.testing.assert_array_equal(ours, expected)
+def test_what_is_found_is_the_same_in_any_number_of_bands(label, distance, thickness, bands):
+    def found():
+        zone, count = zones.flat_zones(np.pad(thickness, 1), np.pad(distance, 1), 0.85, 0.8)
+        piece, pieces = regions.pieces(label)
+        numbered, cores = label.copy(), label.copy()
+        counts = pieces, count, labels.consecutive(numbered)
+        regions.keep_cores(cores, distance, thickness, np.float32(1))
+        of_labels = labels.sizes(label, 4), labels.cells_with(label, np.array([True, False, False, True]))
+        at = labels.labels_at(piece, pieces, label)
+        return piece, zone, numbered, cores, at, *of_labels, regions.crossings(label), np.array(counts)
+
+    alone = found()
+    fewest = patch.object(banding, "LEAST_CELLS", 1), patch.object(zones, "LEAST_CELLS", 1)
+    with fewest[0], fewest[1], patch.object(banding, "processors", lambda: bands):
+        for ours, expected in zip(found(), alone, strict=True):
+            np.testing.assert_array_equal(ours, expected)
+
+
+@settings(deadline=None, max_examples=100)
+@given(arrays(np.float32, SHAPES, elements=st.floats(0, 5000, width=32)), st.sampled_from([1.0, 0.02]))
+def test_cells_of_any_width_are_taken_from_thick_to_thin(width, share):
+    distance = np.pad(np.minimum(np.rot90(width, 2).reshape(width.shape), 3), 1)
+    thickness = np.pad(width * np.float32(share), 1)
+    zone, count = zones.flat_zones(thickness, distance, 0.85, 0.8)
+    found = {frozenset(map(tuple, np.argwhere(zone == number).tolist())) for number in range(count)}
+    cells = oracles_regions.thick_first(thickness, distance)
+    assert found == oracles_regions.flat_zones(thickness, distance, cells, 0.85, 0.8)
+
+
+@settings(deadline=None, max_examples=100)
+@given(FLAGS)
+def test_cells_are_listed_piece_by_piece(free):
+    label = labels.as_label(np.pad(free, 1))
+    order, start = zones.by_piece(regions.forest_of(label), np.count_nonzero(free))
+    piece, count = regions.pieces(label)
+    expected = [np.flatnonzero(piece.ravel() == number).tolist() for number in range(count)]
+    assert [order[first:end].tolist() for first, end in pairwise(start)] == expected
 
 
 @settings(deadline=None, max_examples=30)
@@ -302,11 +331,13 @@ def test_runs_are_as_long_as_their_cells_in_a_row(label, data):
 
 
 @settings(deadline=None)
-@given(FLAGS)
-def test_free_cells_are_listed_row_by_row(free):
-    found = grid.cells_of(free)
-    assert found.dtype == np.int32
-    np.testing.assert_array_equal(found, np.argwhere(free))
+@given(FLAGS, st.integers(1, 3))
+def test_free_cells_are_numbered_row_by_row(free, bands):
+    with patch.object(banding, "LEAST_CELLS", 1), patch.object(banding, "processors", lambda: bands):
+        cells, state_of = grid.cells_and_states(free)
+    assert cells.dtype == state_of.dtype == np.int32
+    np.testing.assert_array_equal(cells, np.argwhere(free))
+    np.testing.assert_array_equal(state_of, np.where(free, np.cumsum(free).reshape(free.shape) - 1, -1))
 
 
 def test_memory_is_used_again_when_nothing_looks_at_it_and_someone_wants_it():

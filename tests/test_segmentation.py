@@ -379,13 +379,3 @@ def test_distances_do_not_depend_on_where_an_image_lies_in_memory() -> None:
     at = np.argwhere(free)
     nearest = ((at[:, :1] - rows) ** 2 + (at[:, 1:] - columns) ** 2).min(axis=1)
     np.testing.assert_array_equal(once[free], np.sqrt(nearest.astype(np.float32)))
-
-
-@settings(deadline=None, max_examples=60)
-@given(arrays(np.float32, st.tuples(st.integers(1, 8), st.integers(1, 8)), elements=st.floats(0, 5000, width=32)))
-def test_cells_are_sorted_from_thick_to_thin(width: np.ndarray) -> None:
-    distance = np.minimum(np.rot90(width, 2), 3)
-    order = kernels.thick_first(width, np.ascontiguousarray(distance))
-    keys = [np.minimum(np.floor(image.ravel() * np.float32(16)), 65535) for image in (distance, width)]
-    cells = [cell for cell in np.lexsort((np.arange(width.size), -keys[0], -keys[1])) if distance.ravel()[cell] > 0]
-    assert order.tolist() == cells

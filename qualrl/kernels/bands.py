@@ -12,6 +12,8 @@ from typing import TypeVar
 
 LEAST_CELLS = 2**18
 """A band of fewer cells is not worth a thread."""
+LIGHT = 4
+"""... nor is one of fewer than so many times as many, of a loop that hardly does more with a cell than read it."""
 
 Result = TypeVar("Result")
 Other = TypeVar("Other")
@@ -22,10 +24,14 @@ def processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def in_bands(work: Callable[[int, int], Result], shape: tuple[int, ...]) -> list[Result]:
-    """What ``work(top, bottom)`` makes of each band of rows of an array of that shape (H, W), from above."""
+def in_bands(work: Callable[[int, int], Result], shape: tuple[int, ...], *, is_light: bool = False) -> list[Result]:
+    """What ``work(top, bottom)`` makes of each band of rows of an array of that shape (H, W), from above.
+
+    is_light: the work does little with each cell.
+    """
     height, width = shape
-    count = max(min(processors(), height * width // LEAST_CELLS, height), 1)
+    least = LEAST_CELLS * (LIGHT if is_light else 1)
+    count = max(min(processors(), height * width // least, height), 1)
     cuts = [height * band // count for band in range(count + 1)]
     if count == 1:
         return [work(0, height)]

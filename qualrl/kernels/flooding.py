@@ -41,7 +41,7 @@ def flood(label: Ints, mask: Flags, depth: Floats) -> Ints:
     levels = np.full((2, int(8 * depth.max()) + 1), -1, np.int32)
     height, width = label.shape
     bare = np.zeros((height + 2, width // BLOCK + 3), np.bool_)
-    in_bands(partial(_find_bare, label, mask, bare), label.shape)
+    in_bands(partial(_find_bare, label, mask, bare), label.shape, is_light=True)
     following = borrowed(label.size, np.int32)
     _grow(label.ravel(), mask.ravel(), depth.ravel(), width, bare, levels[0], levels[1], following)
     return label

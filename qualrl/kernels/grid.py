@@ -7,25 +7,31 @@ from typing import Any
 
 import numpy as np
 
+from qualrl.kernels.bands import in_bands
 from qualrl.kernels.jit import compiled_bare
 
 
-def cells_of(free: Any) -> Any:
-    """(S, 2) int32 row and column of each free cell of an image (H, W), row by row."""
-    cells = np.empty((np.count_nonzero(free), 2), np.int32)
-    _write_cells(free, cells)
-    return cells
+def cells_and_states(free: Any) -> Any:
+    """(S, 2) int32 row and column of each free cell of an image (H, W), row by row; and (H, W) int32 the number of each
+    cell's state, -1 where not free.
+    """
+    until = np.cumsum([0, *np.count_nonzero(free, axis=1)])
+    cells, state_of = np.empty((until[-1], 2), np.int32), np.empty(free.shape, np.int32)
+    in_bands(lambda top, bottom: _write_states(free, top, bottom, until[top], cells, state_of), free.shape)
+    return cells, state_of
 
 
 @compiled_bare
-def _write_cells(free: Any, cells: Any) -> None:
-    count = 0
-    for row in range(free.shape[0]):
+def _write_states(free: Any, top: Any, bottom: Any, state: Any, cells: Any, state_of: Any) -> None:
+    """In the rows from top to bottom, from the number of the first free cell's state there on."""
+    for row in range(top, bottom):
         for column in range(free.shape[1]):
             if free[row, column]:
-                cells[count, 0] = row
-                cells[count, 1] = column
-                count += 1
+                cells[state, 0], cells[state, 1] = row, column
+                state_of[row, column] = state
+                state += 1
+            else:
+                state_of[row, column] = -1
 
 
 def successors(state_of: Any, cells: Any, offsets: Any) -> Any:

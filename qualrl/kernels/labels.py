@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.kernels.bands import in_bands
 from qualrl.kernels.jit import compiled, compiled_bare, compiled_part
 from qualrl.kernels.scratch import borrowed
 
@@ -50,9 +51,16 @@ def as_label(mask: NDArray[np.bool_]) -> NDArray[np.int8]:
     return mask.view(np.int8) - np.int8(1)
 
 
-@compiled
 def sizes(label: Ints, count: int) -> NDArray[np.int64]:
     """(count,) cells of each label (H, W), -1 where none."""
+    found: NDArray[np.int64] = np.sum(
+        in_bands(lambda top, bottom: _sizes(label[top:bottom], count), label.shape, is_light=True), axis=0
+    )
+    return found
+
+
+@compiled
+def _sizes(label: Ints, count: int) -> NDArray[np.int64]:
     cells = np.zeros(count, np.int64)
     for here in label.ravel():
         if here >= 0:
@@ -132,14 +140,17 @@ def fill_holes(label: Ints, hole: Any, box: Any, width: Floats) -> None:
                     label[row, column] = around
 
 
-@compiled
 def renumber(label: Ints, number: Ints) -> Ints:
     """Put the number (count,) of each label in its place; -1 stays.  The label image (H, W) is updated."""
-    flat = label.ravel()
+    in_bands(lambda top, bottom: _renumber(label[top:bottom].ravel(), number), label.shape, is_light=True)
+    return label
+
+
+@compiled_bare
+def _renumber(flat: Ints, number: Ints) -> None:
     for cell in range(flat.size):
         if flat[cell] >= 0:
             flat[cell] = number[flat[cell]]
-    return label
 
 
 def only(label: Ints, kept: NDArray[np.bool_], depth: Floats) -> Ints:
@@ -157,9 +168,16 @@ def _write_only(label: Ints, kept: NDArray[np.bool_], depth: Floats, found: Ints
             found[row, column] = here if here >= 0 and kept[here] and depth[row, column] > 0 else -1
 
 
-@compiled
 def cells_with(label: Ints, wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Flat indices of the cells whose label (H, W) is wanted (count,), in image order."""
+    width = label.shape[1]
+    return np.concatenate(
+        in_bands(lambda top, bottom: _cells_with(label[top:bottom], wanted) + top * width, label.shape, is_light=True)
+    )
+
+
+@compiled
+def _cells_with(label: Ints, wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
     flat = label.ravel()
     count = 0
     for here in flat:
@@ -174,26 +192,25 @@ def cells_with(label: Ints, wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
     return found
 
 
-@compiled
 def consecutive(label: Ints) -> int:
     """Number the labels that are used from 0 without gaps, in their order; how many.  (H, W) label is updated."""
-    number = np.zeros(label.max() + 1, np.int32)
-    flat = label.ravel()
-    for here in flat:
-        if here >= 0:
-            number[here] = 1
-    count = 0
-    for at in range(number.size):
-        if number[at]:
-            number[at] = count
-            count += 1
-    renumber(label, number)
-    return count
+    number = np.cumsum(sizes(label, int(label.max()) + 1) > 0)
+    renumber(label, (number - 1).astype(np.int32))
+    return int(number.max(initial=0))
+
+
+def labels_at(piece: Ints, count: int, label: Ints) -> Ints:
+    """(count,) label (H, W) of the last cell of each piece (H, W), -1 where none."""
+    found, *below = in_bands(
+        lambda top, bottom: _labels_at(piece[top:bottom], count, label[top:bottom]), label.shape, is_light=True
+    )
+    for later in below:
+        np.copyto(found, later, where=later >= 0)
+    return found
 
 
 @compiled
-def labels_at(piece: Ints, count: int, label: Ints) -> Ints:
-    """(count,) label (H, W) of the last cell of each piece (H, W), -1 where none."""
+def _labels_at(piece: Ints, count: int, label: Ints) -> Ints:
     found = np.full(count, -1, np.int32)
     for row in range(piece.shape[0]):
         for column in range(piece.shape[1]):

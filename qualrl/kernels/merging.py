@@ -82,6 +82,7 @@ class Asked(NamedTuple):
 def merge(
     places: Places,
     bonds: Bonds,
+    chosen: NDArray[np.int64],
     questions: Questions,
     about: Floats,
     least_odds: float,
@@ -90,14 +91,15 @@ def merge(
 ) -> None:
     """Merge places while the likeliest pair has at least those odds (logarithm), then those smaller than the area.
 
-    places and bonds are updated; ``places.parent`` then holds the root of each zone.  about (3,): the features of the
-    whole map.  With truth known, what is not one place is never merged, and pairs are added to the samples.
+    places and bonds are updated; ``places.parent`` then holds the root of each zone.  chosen: the zones to merge, in
+    their order; no bonds lead to any others, which are left alone.  about (3,): the features of the whole map.  With
+    truth known, what is not one place is never merged, and pairs are added to the samples.
     """
     zones = len(places.parent)
     stamp, seen = np.zeros(zones, np.int64), np.full(zones, -1, np.int32)
     asked = _asked_on(about, questions)
     queue = new_queue(4 * len(bonds.target) + 16)
-    for zone in range(zones):
+    for zone in chosen:
         tidy(zone, places.parent, bonds, seen)
         queue = grown(queue, zones)
         _ask(zone, True, places, bonds, asked, stamp, queue, samples)
@@ -119,8 +121,8 @@ def merge(
         queue = grown(queue, zones)
         _ask(host, False, places, bonds, asked, stamp, queue, samples)
     if min_area > 0:
-        _join_small(places, bonds, asked, min_area, seen)
-    for zone in range(zones):
+        _join_small(places, bonds, chosen, asked, min_area, seen)
+    for zone in chosen:
         places.parent[zone] = find(places.parent, zone)
 
 
@@ -189,9 +191,11 @@ def _join(host: int, guest: int, places: Places, bonds: Bonds) -> None:
 
 
 @compiled
-def _join_small(places: Places, bonds: Bonds, asked: Asked, min_area: float, seen: Ints) -> None:
+def _join_small(
+    places: Places, bonds: Bonds, chosen: NDArray[np.int64], asked: Asked, min_area: float, seen: Ints
+) -> None:
     """Merge each place of less area into its likeliest neighbour, the smallest first; those without one stay."""
-    waiting, count = np.arange(len(places.parent)), len(places.parent)
+    waiting, count = chosen.copy(), chosen.size
     while True:
         small, before, count = -1, count, 0
         for place in waiting[:before]:

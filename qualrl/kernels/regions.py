@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from qualrl.kernels.bands import in_bands
 from qualrl.kernels.bonds import Bonds, append, find, tidy
 from qualrl.kernels.flooding import BLOCK
-from qualrl.kernels.instructions import AHEAD, ask_around, prefetch
 from qualrl.kernels.jit import compiled, compiled_bare, compiled_part
 from qualrl.kernels.scratch import borrowed
 
@@ -47,7 +46,7 @@ FIRST_NUMBER = -(2**30) - 1
 
 
 @compiled_part
-def _root(forest: Ints, cell: int) -> int:
+def root_of(forest: Ints, cell: int) -> int:
     """The root of a cell's set; the paths passed are halved on the way."""
     while forest[cell] >= 0:
         after = forest[cell]
@@ -57,35 +56,54 @@ def _root(forest: Ints, cell: int) -> int:
     return cell
 
 
+def numbered(forest: Ints) -> int:
+    """Sets of cells as consecutive numbers, in the order of their first cells: the forest (H, W) becomes their image.
+
+    How many they are.
+    """
+    count = _number_sets(forest.ravel())
+    in_bands(lambda top, bottom: _write_numbers(forest[top:bottom].ravel()), forest.shape, is_light=True)
+    return count
+
+
 @compiled_bare
-def _numbered(forest: Ints) -> int:
-    """Sets of cells as consecutive numbers, in the order of their first cell; the forest becomes the label image."""
+def _number_sets(forest: Ints) -> int:
     count = 0
     for cell in range(forest.size):
         if forest[cell] == NO_SET:
             continue
-        root = _root(forest, cell)
+        root = root_of(forest, cell)
         if forest[root] > FIRST_NUMBER:
             forest[root] = FIRST_NUMBER - count
             count += 1
         forest[cell] = forest[root]
+    return count
+
+
+@compiled_bare
+def _write_numbers(forest: Ints) -> None:
     for cell in range(forest.size):
         forest[cell] = FIRST_NUMBER - forest[cell] if forest[cell] != NO_SET else -1
-    return count
 
 
 def pieces(label: Any) -> tuple[Ints, int]:
     """4-connected pieces of equal label: (H, W) int32 piece of each cell, -1 where label is; and their number."""
+    forest = forest_of(label)
+    return forest, numbered(forest)
+
+
+def forest_of(label: Any) -> Ints:
+    """(H, W) int32: the forest whose sets are the 4-connected pieces of equal label."""
     forest = borrowed(label.shape, np.int32)
     forest.fill(NO_SET)
     flat, width, sets = label.ravel(), label.shape[1], forest.ravel()
 
-    def unite(top: int, bottom: int) -> int:
+    def united(top: int, bottom: int) -> int:
         _unite_pieces(flat, width, top, bottom, sets)
         return top
 
-    _unite_seams(flat, width, np.array(in_bands(unite, label.shape)[1:], np.int64), sets)
-    return forest, _numbered(sets)
+    _unite_seams(flat, width, np.array(in_bands(united, label.shape)[1:], np.int64), sets)
+    return forest
 
 
 @compiled_bare
@@ -99,10 +117,10 @@ def _unite_pieces(flat: Any, width: int, top: int, bottom: int, forest: Ints) ->
             forest[cell] = -1
             west = cell > row * width and flat[cell - 1] == here
             if west:
-                _unite(forest, _root(forest, cell - 1), cell)
+                unite(forest, root_of(forest, cell - 1), cell)
             # With the cell to the northwest both are one already.
             if row > top and flat[cell - width] == here and not (west and flat[cell - width - 1] == here):
-                _unite(forest, _root(forest, cell - width), _root(forest, cell))
+                unite(forest, root_of(forest, cell - width), root_of(forest, cell))
 
 
 @compiled_bare
@@ -111,127 +129,15 @@ def _unite_seams(flat: Any, width: int, rows: NDArray[np.int64], forest: Ints) -
     for row in rows:
         for cell in range(row * width, (row + 1) * width):
             if flat[cell] >= 0 and flat[cell - width] == flat[cell]:
-                _unite(forest, _root(forest, cell - width), _root(forest, cell))
+                unite(forest, root_of(forest, cell - width), root_of(forest, cell))
 
 
 @compiled_part
-def _unite(forest: Ints, host: int, guest: int) -> None:
+def unite(forest: Ints, host: int, guest: int) -> None:
     """Put a root's set into that of another root, or the same."""
     if host != guest:
         forest[host] += forest[guest]
         forest[guest] = host
-
-
-def thick_first(thickness: Floats, distance: Floats) -> Ints:
-    """(F,) flat indices of the cells whose distance is not 0: the thickest first, of equally thick ones the farthest
-    from what is not free, then by position; widths in whole sixteenths of a cell, up to 4095 cells.
-    """
-    first, second = distance.ravel(), thickness.ravel()
-    order = borrowed(int(np.count_nonzero(first)), np.int32)
-    _write_positive(first, order)
-    sorted_by_first = borrowed(order.size, np.int32)
-    _sort_by(first, order, sorted_by_first)
-    _sort_by(second, sorted_by_first, order)
-    return order
-
-
-def _sort_by(width: Floats, order: Ints, result: Ints) -> None:
-    """Write the cells from wide to narrow, in their order where they are equally wide; each band counts and places."""
-
-    def counted(top: int, bottom: int) -> tuple[int, NDArray[np.int64]]:
-        count = np.zeros(65536, np.int64)
-        _count(order, width, top, bottom, count)
-        return top, count
-
-    shape = (order.size, 1)
-    tops, counts = zip(*in_bands(counted, shape), strict=True)
-    by_key = np.stack(counts, axis=1)
-    start = (np.cumsum(by_key) - by_key.ravel()).reshape(by_key.shape)
-    start_of = {top: np.ascontiguousarray(start[:, band]) for band, top in enumerate(tops)}
-    in_bands(lambda top, bottom: _place(order, width, top, bottom, start_of[top], result), shape)
-
-
-@compiled_bare
-def _write_positive(values: Floats, found: Ints) -> None:
-    """Indices of the values above 0; numpy's would take twice the room."""
-    count = 0
-    for at in range(values.size):
-        if values[at] > 0:
-            found[count] = at
-            count += 1
-
-
-@compiled_bare
-def _count(order: Ints, width: Floats, first: int, end: int, count: NDArray[np.int64]) -> None:
-    """Add up how many of the cells from first to before the end are of each width: (65536,) from wide to narrow."""
-    for at in range(first, end):
-        prefetch(width, order[min(at + AHEAD, order.size - 1)])
-        count[_narrowness(width[order[at]])] += 1
-
-
-@compiled_bare
-def _place(order: Ints, width: Floats, first: int, end: int, start: NDArray[np.int64], result: Ints) -> None:
-    """Write these cells each to the next place of its width, of those from start (65536,) on, which is updated."""
-    for at in range(first, end):
-        prefetch(width, order[min(at + AHEAD, order.size - 1)])
-        cell = order[at]
-        key = _narrowness(width[cell])
-        result[start[key]] = cell
-        start[key] += 1
-
-
-@compiled_part
-def _narrowness(width: float) -> int:
-    """In whole sixteenths, from 0 for the widest on."""
-    return 65535 - int(min(width * 16, 65535))
-
-
-def flat_zones(thickness: Floats, distance: Floats, order: Ints, pinch: float, step: float) -> tuple[Ints, int]:
-    """Zones of alike thickness: (H, W) zone of each cell, -1 for cells not in order; and their number.
-
-    order (F,): flat indices of the free cells from thick to thin, none of them on the map's edge.  A cell joins the
-    thickest (then largest) zone beside it that is no step thicker, and other zones too if the way there is no pinch.
-    A zone's root is the first of its cells, hence the thickest.
-    Thickness tells steps and distance tells pinches: the discs of two rooms may touch in a door of a thin wall.
-    """
-    forest = borrowed(thickness.shape, np.int32)
-    forest.fill(NO_SET)
-    width = thickness.shape[1]
-    return forest, _unite_zones(thickness.ravel(), distance.ravel(), width, order, pinch, step, forest.ravel())
-
-
-@compiled_bare
-def _unite_zones(thick: Floats, way: Floats, width: int, order: Ints, pinch: float, step: float, forest: Ints) -> int:
-    """Make the forest, of no sets at first, one of the zones of an image (H x W,), and number them."""
-    beside = (-width, -1, 1, width)
-    for at in range(order.size):
-        ask_around(forest, order[min(at + AHEAD, order.size - 1)], width)
-        prefetch(thick, order[min(at + AHEAD, order.size - 1)])
-        prefetch(way, order[min(at + AHEAD, order.size - 1)])
-        cell, best = order[at], -1
-        for side in range(4):
-            other = cell + beside[side]
-            if forest[other] != NO_SET:
-                zone = _root(forest, other)
-                if thick[cell] < step * thick[zone]:
-                    continue
-                larger = best >= 0 and thick[zone] == thick[best] and forest[zone] < forest[best]
-                if best < 0 or thick[zone] > thick[best] or larger:
-                    best = zone
-        forest[cell] = -1
-        if best < 0:
-            continue
-        _unite(forest, best, cell)
-        for side in range(4):
-            other = cell + beside[side]
-            if forest[other] == NO_SET:
-                continue
-            zone = _root(forest, other)
-            # Zones of less area than the way is wide are specks in which no place can lie.
-            is_one = way[cell] >= pinch * thick[zone] or min(-forest[zone], -forest[best]) <= way[cell] ** 2
-            if thick[cell] >= step * thick[zone] and is_one:
-                _unite(forest, best, zone)
-    return _numbered(forest)
 
 
 def crossings(label: Ints) -> Ints:
@@ -350,17 +256,30 @@ def _write_near(flat: Ints, distance: Floats, away: Floats) -> None:
                 away[r, c] = min(away[r, c], distance[abs(r - row), abs(c - column)])
 
 
-@compiled
 def keep_cores(label: Ints, from_border: Floats, thickness: Floats, most: np.float32) -> None:
     """Take from each label what is nearer to its border than ``most`` and half the thickness, unless nothing is left.
 
     label, from_border, thickness (H, W); label is -1 where not free and is updated.
     """
-    flat, away, thick = label.ravel(), from_border.ravel(), thickness.ravel()
-    has_core = np.zeros(flat.max() + 1, np.bool_)
+    has_core = np.zeros(int(label.max()) + 1, np.bool_)
+
+    def part(top: int, bottom: int) -> Any:
+        parts = (image[top:bottom].ravel() for image in (label, from_border, thickness))
+        return *parts, most, has_core
+
+    in_bands(lambda top, bottom: _find_cores(*part(top, bottom)), label.shape, is_light=True)
+    in_bands(lambda top, bottom: _keep_cores(*part(top, bottom)), label.shape, is_light=True)
+
+
+@compiled_bare
+def _find_cores(flat: Ints, away: Floats, thick: Floats, most: np.float32, has_core: Flags) -> None:
     for cell in range(flat.size):
         if flat[cell] >= 0 and away[cell] > min(thick[cell] / 2, most):
             has_core[flat[cell]] = True
+
+
+@compiled_bare
+def _keep_cores(flat: Ints, away: Floats, thick: Floats, most: np.float32, has_core: Flags) -> None:
     for cell in range(flat.size):
         if flat[cell] >= 0 and has_core[flat[cell]] and away[cell] <= min(thick[cell] / 2, most):
             flat[cell] = -1

@@ -88,18 +88,20 @@ class GridWorld:
         """Names of the moves, as seen on the image: "up" is towards row 0."""
         return tuple(name for name, _, _ in MOVES[self.directions])
 
-    @cached_property
+    @property
     def cells(self) -> NDArray[np.int32]:
         """(S, 2) row and column of each state."""
-        found: NDArray[np.int32] = kernel.cells_of(self.free)
-        return found
+        return self._states[0]
 
-    @cached_property
+    @property
     def state_of(self) -> NDArray[np.int32]:
         """(H, W) state of each cell, -1 where not free."""
-        states = np.full(self.free.shape, -1, np.int32)
-        states[self.free] = np.arange(len(self.cells), dtype=np.int32)
-        return states
+        return self._states[1]
+
+    @cached_property
+    def _states(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        cells, state_of = kernel.cells_and_states(self.free)
+        return cells, state_of
 
     @cached_property
     def successor(self) -> NDArray[np.uint32]:

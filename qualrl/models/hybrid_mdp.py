@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError, did_you_mean
+from qualrl.kernels.bands import in_bands
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.landmarks import LandmarkLevel, landmark_level
 from qualrl.models.tabular_mdp import TabularMDP
@@ -228,7 +229,7 @@ def hybrid_mdp(
     """The hybrid MDP of a map.  A region as start or goal means its centre; levels: see ``models.levels``."""
     world = GridWorld(regions.grid.free, resolve_cell(goal, regions), gamma, slip, directions, step_reward, goal_reward)
     start_state = None if start is None else int(world.state_of[resolve_cell(start, regions)])
-    region_of = regions.label[regions.grid.free].astype(np.int32)
+    region_of = _of_free(regions.label, regions.grid.free)
     model = HybridMDP(
         world,
         regions.region_names,
@@ -245,6 +246,11 @@ def hybrid_mdp(
     return replace(model, coarser=groupings(model.graph, levels))
 
 
+def _of_free(label: NDArray[np.int32], free: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """(S,) the label (H, W) of each free cell (H, W), row by row."""
+    return np.concatenate(in_bands(lambda top, bottom: label[top:bottom][free[top:bottom]], free.shape))
+
+
 def landmarks_of_map(world: GridWorld, regions: RegionMap, goal_region: int | None) -> LandmarkLevel:
     """The landmarks of a map and the goal, which is one of its own; at no state while its region is not known (None).
 
@@ -253,10 +259,10 @@ def landmarks_of_map(world: GridWorld, regions: RegionMap, goal_region: int | No
     """
     landmark_of = np.full(len(world), -1, np.int32)
     marks = [mark for mark in regions.landmarks if mark.kind != CENTRE]
-    for doorways in (False, True):
-        for index, mark in enumerate(marks):
-            if (mark.kind == "doorway") == doorways:
-                landmark_of[world.state_of[mark.cells[:, 0], mark.cells[:, 1]]] = index
+    doorways_last = sorted(range(len(marks)), key=lambda index: marks[index].kind == "doorway")
+    cells = np.concatenate([np.zeros((0, 2), np.int32), *(marks[index].cells for index in doorways_last)])
+    sizes = [len(marks[index].cells) for index in doorways_last]
+    landmark_of[world.state_of[cells[:, 0], cells[:, 1]]] = np.repeat(doorways_last, sizes)
     if goal_region is not None:
         landmark_of[world.goal] = len(marks)
     names = [mark.name for mark in marks] + [GOAL]

@@ -16,7 +16,7 @@ any), so that maps without units, whose cells count as a metre, have no halls fo
 
 from collections.abc import Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -26,7 +26,7 @@ from qualrl.kernels import labels, zone_graph
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.bands import both
 from qualrl.spatial.distance import distance_within
-from qualrl.spatial.naming import name_regions, ordered
+from qualrl.spatial.naming import names_of, ordered
 from qualrl.spatial.region_map import Doorway, Region, Shape
 from qualrl.spatial.view import WALLED_M
 
@@ -100,22 +100,23 @@ def listed(
     parts: Parts, shapes: Sequence[Shape], kinds: Sequence[str], resolution_m: float
 ) -> tuple[tuple[Region, ...], list[int]]:
     """The regions in their order, with names; and the number of each in ``parts``."""
-    regions = recorded(parts, [("", kind) for kind in kinds], shapes, resolution_m)
-    order = ordered(regions, resolution_m)
-    return name_regions([regions[at] for at in order]), order
+    order = ordered(kinds, parts.centroid, parts.cells, resolution_m)
+    kinds = [kinds[at] for at in order]
+    return tuple(recorded(parts, list(zip(names_of(kinds), kinds, strict=True)), shapes, resolution_m, order)), order
 
 
 def recorded(
-    parts: Parts, titles: Sequence[tuple[str, str]], shapes: Sequence[Shape], resolution_m: float
+    parts: Parts, titles: Sequence[tuple[str, str]], shapes: Sequence[Shape], resolution_m: float, order: Sequence[int]
 ) -> list[Region]:
-    """The regions in the order of their numbers; titles: the name and kind of each."""
+    """The regions in an order, of their numbers; titles: the name and kind of each; shapes by number."""
     width = parts.label.shape[1]
     return [
         Region(
-            name, kind, size, size * resolution_m**2, (row, column), divmod(at, width), shape,
+            name, kind, size, size * resolution_m**2, (row, column), divmod(at, width), shapes[number],
         )
-        for (name, kind), size, (row, column), at, shape in zip(
-            titles, parts.cells.tolist(), parts.centroid.tolist(), parts.centre.tolist(), shapes, strict=True
+        for number, (name, kind), size, (row, column), at in zip(
+            order, titles, parts.cells[order].tolist(), parts.centroid[order].tolist(), parts.centre[order].tolist(),
+            strict=True,
         )
     ]  # fmt: skip
 
@@ -139,13 +140,16 @@ def shapes_of(parts: Parts, doorways: Sequence[Doorway], occupied: Flags, resolu
     stretch, fill = parts.cells / (2 * half_width) ** 2, parts.cells / sides.prod(axis=1)
     open_share = opening / border
     unknown_share = unknown / border if says_walls else np.zeros(count)
-    columns = (half_width * resolution_m, stretch, sides * resolution_m, fill, ways, open_share, unknown_share)
-    return [
-        Shape(wide_m, times, (longer_m, shorter_m), full, doors, openings, is_open, is_unknown)
-        for wide_m, times, (longer_m, shorter_m), full, (doors, openings), is_open, is_unknown in zip(
-            *(column.tolist() for column in columns), strict=True
-        )
-    ]
+    columns = half_width * resolution_m, stretch, *(sides.T * resolution_m), fill, *ways.T, open_share, unknown_share
+    # Of thousands of pockets many are alike in all of this, and one record does for them.
+    rows = list(zip(*(column.tolist() for column in columns), strict=True))
+    shape_of = {row: _shape(*row) for row in dict.fromkeys(rows)}
+    return [shape_of[row] for row in rows]
+
+
+def _shape(half_width_m: float, stretch: float, longer_m: float, shorter_m: float, *rest: Any) -> Shape:
+    """A shape from its numbers, in their order."""
+    return Shape(half_width_m, stretch, (longer_m, shorter_m), *rest)
 
 
 def _sides(parts: Parts) -> NDArray[np.float64]:

@@ -140,7 +140,7 @@ def _described(
     half_width = _half_widths(mean_half_width(label, _thickness(label >= 0)), origins, before)
     parts = measure(label, is_pocket, half_width)
     shapes = shapes_of(parts, doorways, _walls(label, before, radius_m), resolution_m)
-    return tuple(recorded(parts, titles, shapes, resolution_m))
+    return tuple(recorded(parts, titles, shapes, resolution_m, range(len(titles))))
 
 
 def _half_widths(half_width: Floats, origins: list[_Origin], before: RegionMap) -> Floats:

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.bonds import linked
+from qualrl.kernels.zones import flat_zones
 from qualrl.spatial.straightening import straightened
-from qualrl.spatial.view import View, flat_zones
+from qualrl.spatial.view import View
 
 STEP, SLENDER, LONG, ROOMY = 0.6, 9.0, 5.0, 6.0
 """See ``kernels.regions.Rules``."""

@@ -15,20 +15,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels import flooding, wall_gaps, zone_graph
+from qualrl.kernels import flooding, linking, wall_gaps, zone_graph
 from qualrl.kernels import merging as kernels
 from qualrl.kernels import regions as zone_kernels
 from qualrl.kernels.bands import Result, both
 from qualrl.kernels.bonds import Bonds, linked
 from qualrl.kernels.labels import borders, consecutive, renumber, sizes
 from qualrl.kernels.trees import Questions, Trees, questions_of
+from qualrl.kernels.zones import flat_zones
 from qualrl.spatial.distance import distance_within, thickness_over
 from qualrl.spatial.straightening import straightened
-from qualrl.spatial.view import View, flat_zones
+from qualrl.spatial.view import View
 from qualrl.spatial.wall_lines import WallLines, find_wall_lines, walls_of, without_specks
 
 PINCH, STEP = 0.85, 0.8
-"""See ``kernels.regions.flat_zones``."""
+"""See ``kernels.zones.flat_zones``."""
 LEAST_ZONE_M2 = 0.15
 """Smaller zones go to those beside them."""
 LEAST_ODDS = 0.0
@@ -41,10 +42,13 @@ MOST_SUPPORT_M = 5.0
 """A longer wall beside a gap says no more."""
 DIRECTIONS = 32
 """In which the reach of places is measured."""
+MORE = 0.65
+"""About this share of the zones is merged by one processor, if they can be parted; another has more to do beside."""
 NO_SAMPLES = kernels.Samples(np.zeros(0, np.int32), np.zeros((0, 0)), np.zeros(1, np.int64))
 
 Flags = NDArray[np.bool_]
 Labels = NDArray[np.int32]
+Cells = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
 
@@ -68,11 +72,30 @@ def merged_regions(
     """
     graph = zone_graph_of(view, occupied)
     asked = questions()
-    merge = partial(kernels.merge, graph.places, graph.bonds, asked, graph.about, LEAST_ODDS, min_area_m2, NO_SAMPLES)
-    _, made = both(merge, meanwhile)
+    more, fewer = apart(graph.bonds)
+
+    def merge(chosen: Cells) -> None:
+        of_map = asked, graph.about, LEAST_ODDS, min_area_m2, NO_SAMPLES
+        kernels.merge(graph.places, graph.bonds, chosen, *of_map)
+
+    def others() -> Result:
+        made = meanwhile()
+        merge(fewer)
+        return made
+
+    _, made = both(partial(merge, more), others)
     region = renumber(graph.zone, graph.places.parent)
-    del graph, merge
     return straightened(region, view, STRAIGHTENED_M / view.cell_m), made
+
+
+def apart(bonds: Bonds) -> tuple[Cells, Cells]:
+    """The zones in two parts that no bonds lead between: of maps of one building, all and none."""
+    count = len(bonds.first)
+    ends, starts = np.ascontiguousarray(bonds.target.reshape(-1, 2).T, np.int64)
+    piece = linking.pieces(starts, ends, count)
+    cells = np.bincount(piece)
+    is_more = (np.cumsum(cells) - cells / 2 <= MORE * count)[piece]
+    return np.flatnonzero(is_more), np.flatnonzero(~is_more)
 
 
 @cache

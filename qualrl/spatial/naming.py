@@ -6,8 +6,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.spatial.region_map import Region
-
 KINDS = ("room", "corridor", "hall", "closet", "open area", "pocket")
 """The order in which regions are listed."""
 ALIKE = 0.95
@@ -49,27 +47,25 @@ def reading_order(places: Sequence[tuple[float, float]], line: float) -> list[in
     return order
 
 
-def ordered(regions: Sequence[Region], resolution_m: float) -> list[int]:
-    """Indices of regions by kind, then area (largest first), then position.
+def ordered(
+    kinds: Sequence[str], centroid: NDArray[np.float64], cells: NDArray[np.int64], resolution_m: float
+) -> list[int]:
+    """Indices of regions by kind, then area (largest first), then position; centroid (R, 2), cells (R,).
 
     Regions of alike areas are told apart by how far they lie from the middle of the map's free space, then from
     its largest regions, and only those that this leaves alike, as on a symmetric map, by reading order.  So neither a
     turned or mirrored map nor a few stray cells change the order of places that differ.
     """
-    centroid = np.array([region.centroid for region in regions])
-    cells = np.array([region.cells for region in regions])
     smallness = [-math.log(size) for size in cells.tolist()]
-    linked = [at for at, region in enumerate(regions) if region.kind != "pocket"]
+    linked = [at for at, kind in enumerate(kinds) if kind != "pocket"]
     away = _distances(centroid, cells, linked, smallness)
     order: list[int] = []
     for kind in KINDS:
-        members = [at for at in linked if regions[at].kind == kind]
-        if kind == "pocket":
-            members = [at for at, region in enumerate(regions) if region.kind == kind]
+        members = [at for at in (range(len(kinds)) if kind == "pocket" else linked) if kinds[at] == kind]
         measures = [] if kind == "pocket" else [(far, NEAR_M / resolution_m) for far in away]
         for group in _told_apart(members, [(smallness, -math.log(ALIKE)), *measures]):
-            line = reading_order([regions[at].centroid for at in group], LINE_M / resolution_m)
-            order += [group[at] for at in line]
+            places = [(row, column) for row, column in centroid[group].tolist()]
+            order += [group[at] for at in reading_order(places, LINE_M / resolution_m)]
     return order
 
 
@@ -99,6 +95,8 @@ def _alike(members: list[int], value: list[float], spread: float) -> list[list[i
 
     A gap that is wide stays where it is when values change a little.
     """
+    if len(members) == 1:
+        return [members]
     members = sorted(members, key=lambda at: value[at])
     sizes = np.array([value[at] for at in members])
     groups, waiting = list[list[int]](), [(0, len(members))]
@@ -112,14 +110,12 @@ def _alike(members: list[int], value: list[float], spread: float) -> list[list[i
     return groups
 
 
-def name_regions(regions: Sequence[Region]) -> tuple[Region, ...]:
-    """The regions, in their order, with names: room A, corridor 1, open area 1."""
+def names_of(kinds: Sequence[str]) -> list[str]:
+    """The names of regions, in their order, of some kinds: room A, corridor 1, open area 1."""
     count = dict.fromkeys(KINDS, 0)
-    named = []
-    for region in regions:
-        number = count[region.kind]
-        count[region.kind] += 1
-        tail = letters(number) if region.kind == "room" else str(number + 1)
-        # As ``dataclasses.replace``, which takes five times as long, and there are thousands of pockets.
-        named.append(Region(**{**region.__dict__, "name": f"{region.kind} {tail}"}))
-    return tuple(named)
+    names = []
+    for kind in kinds:
+        number = count[kind]
+        count[kind] += 1
+        names.append(f"{kind} {letters(number) if kind == 'room' else number + 1}")
+    return names

@@ -7,6 +7,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.kernels.bands import in_bands
+from qualrl.kernels.scratch import borrowed
+
 Flags = NDArray[np.bool_]
 Number = TypeVar("Number", bound=np.generic)
 
@@ -20,7 +23,7 @@ class Posture(NamedTuple):
 
     def of(self, array: NDArray[Number]) -> NDArray[Number]:
         """An array (rows, columns) of the grid as it is shown."""
-        shown = np.empty(array.shape[::-1] if self.transposed else array.shape, array.dtype)
+        shown = borrowed(array.shape[::-1] if self.transposed else array.shape, array.dtype.type)
         return _turned(array, shown, self.transposed, self.upside_down, self.mirrored)
 
     def back(self, shown: NDArray[Number], into: NDArray[Number] | None = None) -> NDArray[Number]:
@@ -42,13 +45,19 @@ def _turned(
     kind = np.uint8 if array.dtype == np.bool_ else array.dtype  # OpenCV knows no flags
     source, target = array.view(kind), into.view(kind)
     axis = -1 if upside_down and mirrored else int(mirrored)
-    if transposed:
-        cv2.transpose(source, target)
-        source = target
-    if upside_down or mirrored:
-        cv2.flip(source, axis, target)
-    elif not transposed:
-        into[:] = array
+
+    def turn(top: int, bottom: int) -> None:
+        first, end = (len(into) - bottom, len(into) - top) if upside_down else (top, bottom)
+        part, to = source[:, first:end] if transposed else source[first:end], target[top:bottom]
+        if transposed:
+            cv2.transpose(part, to)
+            part = to
+        if upside_down or mirrored:
+            cv2.flip(part, axis, to)
+        elif not transposed:
+            to[:] = part
+
+    in_bands(turn, into.shape, is_light=True)
     return into
 
 

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels import regions as kernels
+from qualrl.kernels.labels import renumber
 from qualrl.kernels.scratch import borrowed
 from qualrl.kernels.wall_gaps import single_gaps
 from qualrl.spatial.distance import distance_within, thickness_over
@@ -116,6 +116,8 @@ class View:
         )
         larger = np.full([part.stop - part.start + 2 for part in self.window], beyond, array.dtype)
         larger[place] = array[near]
+        if self.zoom == 1:
+            return self.posture.of(larger)
         cells = self.posture.of(larger).repeat(self.zoom, 0).repeat(self.zoom, 1)
         cut = slice(self.zoom - 1, 1 - self.zoom or None)
         return np.ascontiguousarray(cells[cut, cut])
@@ -129,15 +131,18 @@ def look(free: Flags, cell_m: float, furniture_m: float) -> View:
     turned = posture(free[window])
     free = turned.of(free[window])
     zoom = 2 if _is_coarse(free, cell_m) else 1
-    larger, gap = enlarged(free, zoom), enlarged(single_gaps(free), zoom)
+    larger = enlarged(free, zoom)
+    gap = single_gaps(larger) if zoom == 1 else enlarged(single_gaps(free), zoom)
     thing = _furniture(larger, cell_m / zoom, zoom, furniture_m)
-    clear = larger | (thing >= 0)
+    clear = np.greater_equal(thing, 0)
+    clear |= larger
     radius = round(WHISKER_M * zoom / cell_m)
     if radius:
         disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-        opened = cv2.morphologyEx(clear.astype(np.uint8), cv2.MORPH_OPEN, disc) > 0
+        opened = np.asarray(cv2.morphologyEx(clear.view(np.uint8), cv2.MORPH_OPEN, disc)).view(np.bool_)
         clear = opened if opened.any() else clear
-    return View(clear, np.flatnonzero(gap & clear), thing, zoom, cell_m / zoom, window, shape, turned)
+    gap &= clear
+    return View(clear, np.flatnonzero(gap), thing, zoom, cell_m / zoom, window, shape, turned)
 
 
 def smallest(most: int) -> type[np.signedinteger[Any]]:
@@ -164,12 +169,6 @@ def enlarged(flags: Flags, zoom: int) -> Flags:
     return np.pad(flags if zoom == 1 else flags.repeat(zoom, 0).repeat(zoom, 1), 1)
 
 
-def flat_zones(thickness: Floats, distance: Floats, pinch: float, step: float) -> tuple[Labels, int]:
-    """(h, w) zones of alike thickness, -1 where distance is 0, and their number: see ``kernels.regions.flat_zones``."""
-    order = kernels.thick_first(thickness, distance)
-    return kernels.flat_zones(thickness, distance, order, pinch, step)
-
-
 def _is_coarse(free: Flags, cell_m: float) -> bool:
     """Whether a map (H, W) with such cells is drawn in few of them."""
     if cell_m <= WALLED_M:
@@ -192,4 +191,4 @@ def _furniture(free: Flags, cell_m: float, zoom: int, furniture_m: float) -> Thi
     looked_past = block | (longer < furniture_m)
     looked_past[[0, thing[0, 0]]] = False
     number = np.where(looked_past, np.cumsum(looked_past) - 1, -1)
-    return np.asarray(number.astype(smallest(int(number.max())))[thing])
+    return renumber(np.asarray(thing), number.astype(np.int32)).astype(smallest(int(number.max())))

@@ -71,15 +71,20 @@ def find_wall_lines(wall: Flags, clear: Flags, cell_m: float) -> WallLines:
 
 def without_specks(occupied: Flags) -> Flags:
     """(H, W) occupied cells but those by themselves, which are noise and no wall."""
-    near = cv2.boxFilter(occupied.astype(np.uint8), -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
-    return np.asarray(occupied & (near > 1))
+    near = cv2.boxFilter(occupied.view(np.uint8), -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
+    found = np.asarray(near).view(np.bool_)
+    np.greater(near, 1, out=found)
+    found &= occupied
+    return found
 
 
 def walls_of(occupied: Flags, clear: Flags) -> Flags:
     """(h, w) what is wall: what is occupied, and on maps that draw their walls grey all that borders free space."""
-    rim = (cv2.dilate(clear.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0) & ~clear
-    near = cv2.dilate(occupied.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-    drawn = np.count_nonzero(rim & near) >= DRAWN * np.count_nonzero(rim)
+    rim = np.asarray(cv2.dilate(clear.view(np.uint8), np.ones((3, 3), np.uint8))).view(np.bool_)
+    np.greater(rim, clear, out=rim)
+    near = np.asarray(cv2.dilate(occupied.view(np.uint8), np.ones((5, 5), np.uint8))).view(np.bool_)
+    near &= rim
+    drawn = np.count_nonzero(near) >= DRAWN * np.count_nonzero(rim)
     return occupied if drawn else occupied | rim
 
 

@@ -71,7 +71,8 @@ def varied(plan: FloorPlan, rng: np.random.Generator) -> tuple[OccupancyGrid, ND
 def samples_on(graph: ZoneGraph, truth: NDArray[np.int32], questions: Questions) -> Samples:
     """The samples on one graph whose zones have known places (Z,); the graph is used up."""
     samples = kernels.Samples(truth, np.zeros((SAMPLES, len(kernels.FEATURES) + 2)), np.zeros(1, np.int64))
-    kernels.merge(graph.places, graph.bonds, questions, graph.about, LEAST_ODDS, 0.0, samples)
+    every = np.arange(len(graph.places.parent))
+    kernels.merge(graph.places, graph.bonds, every, questions, graph.about, LEAST_ODDS, 0.0, samples)
     return samples.found[: samples.size[0]].astype(np.float32)
 
 
