@@ -98,8 +98,10 @@ def over_gamma(
 def check_gammas(model: HybridMDP, gammas: Span) -> None:
     """Raise SettingError for what is no range of gammas, or none that can be told about in a model."""
     check_span("gamma", gammas, 0, 1)
-    if not 0 < gammas[0] < gammas[1] < 1:
-        raise SettingError(f"a range of gammas must lie within (0, 1), got {gammas[0]:g}..{gammas[1]:g}")
+    low, high = gammas
+    if not 0 < low < high < 1:
+        fault = "must lie within (0, 1)" if low < high else "goes from a smaller one to a larger"
+        raise SettingError(f"a range of gammas {fault}, got {low:g}..{high:g}")
     if _nearness(gammas[1]) - _nearness(gammas[0]) < NARROWEST:
         raise SettingError(f"a range from {gammas[0]!r} to {gammas[1]!r} is too narrow for points in it to differ")
     if model.grid.slip == 0:

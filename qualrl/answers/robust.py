@@ -245,7 +245,9 @@ def robust(
             "where moves slip, times are random already: set motion.slip to 0, or give slip itself an interval"
         )
     if not uncertain.doors and not uncertain.times:
-        raise SettingError("say what is uncertain: the chance of a doorway, or the time that a region takes")
+        raise SettingError(
+            "say what is uncertain: a doorway (--chance), the time in a region (--time) or the slips (--slip)"
+        )
     uncertain.check_names(model.regions)
     model.check_reachable(start)
     if start == model.grid.goal:
