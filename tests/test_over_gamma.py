@@ -244,7 +244,7 @@ def test_where_both_are_the_same_it_is_undecided():
     [
         ((0.5, 0.9), {}, "no move slips"),
         ((0.9, 0.5), {"slip": 0.1}, "the lower end first"), ((0.0, 0.5), {"slip": 0.1}, r"within \(0, 1\)"),
-        ((0.5, 1.0), {"slip": 0.1}, r"within \(0, 1\)"), ((0.5, 0.5), {"slip": 0.1}, r"within \(0, 1\)"),
+        ((0.5, 1.0), {"slip": 0.1}, r"within \(0, 1\)"), ((0.5, 0.5), {"slip": 0.1}, "from a smaller one"),
         ((1e-12, 0.5), {"slip": 0.1}, "gamma 1e-12 is too small"),
         ((0.9, 0.9000000000000002), {"slip": 0.1}, "is too narrow"),
     ],
