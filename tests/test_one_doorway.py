@@ -189,8 +189,6 @@ def test_staying_in_the_goals_region_is_set_beside_leaving_it(slip):
 def test_what_cannot_be_told_there_is_refused_in_words():
     model = qualrl.build(regions_of(RING), [17, 13], start=[17, 1], gamma=0.95)
     here = model.region_names[model.region_of[model.start]]
-    with pytest.raises(SettingError, match="not compared with staying"):
-        qualrl.questions.robust(model, slip=(0.1, 0.2))
     ways = [door.pair for door in model.regions.doorways if int(model.region_of[model.start]) in door.pair]
     beside = model.region_names[next(end for end in ways[0] if model.region_names[end] != here)]
     with pytest.raises(SettingError, match="no region twice"):
@@ -285,6 +283,19 @@ def test_the_doorway_of_the_plan_is_compared_while_slips_are_uncertain():
     at_worst = qualrl.build(coming_back(), [14, 9], start=[14, 1], gamma=0.95, slip=0.2)
     least, _ = next(iter(answer.worth.values()))
     assert least <= exact_values(at_worst.world).value[at_worst.start] + 1e-9
+
+
+@pytest.mark.parametrize(("start", "goal"), [((1, 1), (1, 13)), ((1, 7), (16, 1)), ((17, 1), (17, 13))])
+def test_staying_in_the_goals_region_is_compared_while_slips_are_uncertain(start, goal):
+    model = qualrl.build(regions_of(RING), list(goal), start=list(start), gamma=0.95, slip=0.1)
+    region = int(model.region_of[model.start])
+    assert region == model.region_of[model.grid.goal]
+    worth = robust(model, slip=(0.1, 0.1)).worth
+    doors = {door.name: door for door in model.regions.doorways}
+    assert f"staying in {model.region_names[region]}" in worth
+    for name, (least, most) in worth.items():
+        expected = sweeps_through(model, region, doors.get(name))[model.start]
+        assert least - 1e-6 <= expected <= most + 1e-6
 
 
 @pytest.mark.parametrize(("start", "goal", "can_come_back"), [((11, 3), (11, 7), True), ((11, 7), (11, 3), False)])

@@ -172,10 +172,20 @@ def test_what_is_no_interval_of_slips_is_refused(asked, message):
         qualrl.questions.robust(qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=GAMMA), **asked)
 
 
-def test_where_no_doorway_is_to_be_chosen_it_says_so():
+def test_where_there_is_only_staying_it_is_told_what_that_is_worth():
     one_room = qualrl.build(qualrl.segment(grid_of("#####\n#...#\n#...#\n#####")), [1, 1], start=[2, 3], gamma=GAMMA)
-    with pytest.raises(SettingError, match="start and goal are both in"):
-        qualrl.questions.robust(one_room, slip=(0.1, 0.2))
+    answer = qualrl.questions.robust(one_room, slip=(0.1, 0.2))
+    ((name, (least, most)),) = answer.worth.items()
+    assert name == "staying in room A"
+    assert answer.verdicts == {}
+    for slip, expected in ((0.1, most), (0.2, least)):
+        assert values_of(one_room.grid, [slip], np.max)[one_room.start] == pytest.approx(expected, abs=1e-6)
+    assert f"Staying in room A is worth {least:.6g} to {most:.6g}." in answer.explain()
+
+
+def test_where_no_doorway_is_to_be_chosen_it_says_so():
+    with pytest.raises(SettingError, match="start and goal are the same"):
+        qualrl.questions.robust(qualrl.build(REGIONS, [2, 24], start=[2, 24], gamma=GAMMA), slip=(0.1, 0.2))
     model = qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=GAMMA).with_closed(
         [door.name for door in REGIONS.doorways]
     )

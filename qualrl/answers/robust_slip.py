@@ -5,7 +5,7 @@ step slips as is worst (an interval MDP over the cells).  Where bounds of two wa
 of the span; where they do, the span is halved.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from itertools import combinations, groupby
@@ -35,9 +35,9 @@ MOST_SPANS = 64
 
 Span = tuple[float, float]
 Bounds = Mapping[str, Span]
-"""By doorway."""
-WayOut = tuple[Doorway, OneDoorway]
-"""A doorway, and the region as it is when left by it."""
+"""By doorway, or staying."""
+WaysOut = Mapping[str, tuple[Doorway | None, OneDoorway]]
+"""By name: a doorway, None for staying, and the region as it is when left by it."""
 
 
 @dataclass(frozen=True)
@@ -73,10 +73,12 @@ class RobustSlip(Answer):
         at = depth.at_numbers(f" at gamma {self.gamma:.12g}")
         yield f"From {self.start} to {self.goal}{at}, {depth.at_numbers(slip, 'moves may slip')}."
         if depth == Depth.NUMBERS:
-            for door, (least, most) in self.worth.items():
-                yield f"Leaving {self.region} by {door} is worth {between(least, most)}."
+            for name, (least, most) in self.worth.items():
+                way = f"Staying in {self.region}" if name == _stay(self.region) else f"Leaving {self.region} by {name}"
+                yield f"{way} is worth {between(least, most)}."
         else:
-            yield f"Ways to leave {self.region}: by {', by '.join(self.worth)}."
+            ways = [name if name == _stay(self.region) else f"by {name}" for name in self.worth]
+            yield f"Ways on from {self.region}: {', '.join(ways)}."
         if depth != Depth.NAMES:
             for (one, other), verdicts in self.verdicts.items():
                 yield f"{_verdicts_in_words(one, other, verdicts, depth)}."
@@ -112,10 +114,8 @@ def robust_slip(
     most: doorways to compare.  Raises SettingError, and NoPlanError where no way leads to the goal.
     """
     check_confidence(confidence)
-    if model.region_of[start] == model.region_of[model.grid.goal]:
-        raise SettingError(
-            f"start and goal are both in {_region(model, start)}: leaving it is not compared with staying there"
-        )
+    if start == model.grid.goal:
+        raise SettingError("start and goal are the same, so there is no way to choose")
     span = slip.interval(confidence) if isinstance(slip, Counts) else slip
     check_span("slip (with more of it moves lead less often where they aim at)", span, 0, 1 - 1 / model.grid.n_actions)
     low, high = span
@@ -123,7 +123,7 @@ def robust_slip(
     ways = _ways(model, start, span, most)
     worst = replace(model, world=replace(model.grid, slip=high))
     whole = _bounds(worst, start, ways, low, high)
-    pairs = list(combinations((door.name for door, _ in ways), 2))
+    pairs = list(combinations(ways, 2))
     found = _Search(worst, start, ways, pairs).verdicts(low, high, whole)
     return RobustSlip(
         *names, _region(model, start), model.gamma, (low, high),
@@ -131,34 +131,41 @@ def robust_slip(
     )  # fmt: skip
 
 
+def _stay(region: str) -> str:
+    return f"staying in {region}"
+
+
 def _region(model: HybridMDP, state: int) -> str:
     return model.region_names[int(model.region_of[state])]
 
 
-def _ways(model: HybridMDP, start: int, span: Span, most: int) -> list[WayOut]:
-    """The doorways of a state's region to compare, the best in the middle of a span of slips first.
+def _ways(model: HybridMDP, start: int, span: Span, most: int) -> WaysOut:
+    """The ways out of a state's region to compare, the best in the middle of a span of slips first.
 
-    Those that lead on to the goal without coming back, and those that the plan takes in the middle and at the ends.
+    The doorways that lead on to the goal without coming back, those that the plan takes in the middle and at the ends,
+    and, in the goal's region, staying there.
     """
     assert model.regions is not None
     low, high = span
-    doors = dict[str, Doorway]()
+    doors = dict[str, Doorway | None]()
     for slip in (low, high, (low + high) / 2):
         changed = replace(model, world=replace(model.grid, slip=slip))
         exact = exact_values(changed.world)
         walk = exact_walk(changed, exact, start)
-        leave = legs_of(changed, walk)[1].first
-        taken = door_taken(changed, model.regions, walk[leave - 1], walk[leave])
-        doors[taken.name] = taken
+        legs, taken = legs_of(changed, walk), None
+        if len(legs) > 1:
+            taken = door_taken(changed, model.regions, walk[legs[1].first - 1], walk[legs[1].first])
+            doors[taken.name] = taken
     choices = Chooser(changed, model.regions, exact_plan_values(changed, exact)).at(start, taken)
-    doors |= {choice.door.name: choice.door for choice in choices if choice.door is not None}
+    stay = _stay(_region(model, start))
+    doors |= {stay if choice.door is None else choice.door.name: choice.door for choice in choices}
     rooms = {name: left_by(changed, start, door) for name, door in doors.items()}
     worth = {name: value_in(rooms[name], changed, exact, start, door, slip) for name, door in doors.items()}
-    return [(doors[name], rooms[name]) for name in sorted(worth, key=lambda name: -worth[name])[:most]]
+    return {name: (doors[name], rooms[name]) for name in sorted(worth, key=lambda name: -worth[name])[:most]}
 
 
-def _bounds(model: HybridMDP, start: int, ways: Iterable[WayOut], low: float, high: float) -> Bounds:
-    """What leaving by each doorway is worth at least and at most for a span of slips, inexact values allowed for.
+def _bounds(model: HybridMDP, start: int, ways: WaysOut, low: float, high: float) -> Bounds:
+    """What each way out is worth at least and at most for a span of slips, inexact values allowed for.
 
     model: of the most slips that are asked about, or less.
     """
@@ -166,10 +173,10 @@ def _bounds(model: HybridMDP, start: int, ways: Iterable[WayOut], low: float, hi
     def end(helps: bool) -> dict[str, float]:
         span = SlipSpan(low, high, helps)
         values = values_between(model.grid, span)
-        worth = {door.name: value_in(room, model, values, start, door, span) for door, room in ways}
+        worth = {name: value_in(room, model, values, start, door, span) for name, (door, room) in ways.items()}
         return {
-            door: value - values.shift + error_at(model.grid, value, values.shift) * (1 if helps else -1)
-            for door, value in worth.items()
+            name: value - values.shift + error_at(model.grid, value, values.shift) * (1 if helps else -1)
+            for name, value in worth.items()
         }
 
     with ThreadPoolExecutor(2) as both:
@@ -183,7 +190,7 @@ class _Search:
 
     model: HybridMDP
     start: int
-    ways: list[WayOut]
+    ways: WaysOut
     pairs: list[tuple[str, str]]
     solved: int = 0
     parts: list[tuple[float, float, dict[tuple[str, str], str]]] = field(default_factory=list)
@@ -199,7 +206,7 @@ class _Search:
                 continue
             middle = (low + high) / 2
             asked = {name for pair, of in relations.items() if of == UNDECIDED for name in pair}
-            ways = [(door, room) for door, room in self.ways if door.name in asked]
+            ways = {name: way for name, way in self.ways.items() if name in asked}
             for half in ((low, middle), (middle, high)):
                 self.solved += 1
                 found = self._relations(_bounds(self.model, self.start, ways, *half))

@@ -36,11 +36,11 @@ class Chooser:
     regions: RegionMap
     values: PlanValues
 
-    def at(self, state: int, taken: Doorway) -> list[Choice]:
+    def at(self, state: int, taken: Doorway | None) -> list[Choice]:
         """What can be done in a state's region, best first: to leave it by a doorway, or, where the goal is, to stay.
 
-        Doorways that lead on to the goal without coming back, and the one taken; without those that cannot be reached
-        inside the region.
+        Doorways that lead on to the goal without coming back, and the one taken, if any; without those that cannot be
+        reached inside the region.
         """
         region = int(self.model.region_of[state])
         ways: list[tuple[Doorway | None, int]] = [*self._onward(region, taken)]
