@@ -16,7 +16,8 @@ tracing.not_in_textbook_twins()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Laws are run without coverage."""
+    """Laws are run without coverage.  The longest test comes first: one worker alone would run it at the end."""
+    items.sort(key=lambda item: item.path.stem != "test_warmup")
     for item in items:
         if isinstance(item, pytest.Function) and is_hypothesis_test(item.obj):
             item.add_marker(pytest.mark.no_cover)
