@@ -44,7 +44,7 @@ def test_what_is_written_is_read_back(subject, other, written, linking, negated,
     relation, spelling = written
     one, two = (f"{quote}{name}{quote}" if name in QUOTED else name for name in (subject, other))
     by = f" by {quote}{doorway}{quote}" if doorway and relation == CONNECTED else ""
-    text = f"{'not ' if denied else ''}{one} {linking}{'not ' if negated else ''}{spelling.upper()}  {two}{by}"
+    text = f"{'Not ' if denied else ''}{one} {linking}{'not ' if negated else ''}{spelling.upper()}  {two}{by}"
     expected = Statement(text, subject, relation, other, negated is not denied, doorway if by else None)
     assert read_statement(text) == expected
 

@@ -160,7 +160,7 @@ def test_without_slips_a_step_of_the_exact_plan_is_worth_what_the_rest_of_the_pl
 
 
 @settings(deadline=None, max_examples=60)
-@given(models(texts=(BENT, RING), motions=((8, 0.2), (8, 0.0), (4, 0.2))))
+@given(models(texts=(BENT, RING), motions=((8, 0.2), (8, 0.0), (4, 0.2), (4, 0.85), (8, 0.9))))
 def test_why_answers_wherever_a_way_leads_to_the_goal(model):
     answer = qualrl.questions.why(model)
     assert answer.best.value == pytest.approx(exact_values(model.world).value[model.start])
@@ -312,3 +312,7 @@ def test_that_ways_which_come_back_are_not_compared_is_said_where_there_are_some
     assert can_come_back is joined is answer.can_come_back
     assert ("leads on from there without coming back, so" in answer.explain()) is can_come_back
     assert ("to the goal without coming back, worth" in reason) is can_come_back
+    slipping = qualrl.build(regions, list(goal), start=list(start), gamma=0.95, slip=0.2)
+    step, value = qualrl.plan(slipping).steps[0], exact_values(slipping.world).value[slipping.start]
+    assert step.reason.endswith(f"worth {value:.6g}")
+    assert (step.value if step.free_value is None else step.free_value) == pytest.approx(value)

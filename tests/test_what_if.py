@@ -415,3 +415,19 @@ def test_where_a_wall_is_opened_and_nothing_gained_it_is_not_said_that_the_way_i
     assert answer.turned == ()
     assert "the best way leaves its region as before" not in answer.explain()
     assert "From every cell to leave its region as before is as good as any way." in answer.explain()
+
+
+def test_where_cells_are_lost_it_is_said_what_that_changes(tmp_path):
+    draw(
+        tmp_path,
+        "halls",
+        "\n".join(["#" * 15, *["#......#......#"] * 2, "#.............#", *["#......#......#"] * 2, "#" * 15]),
+    )
+    scenario = tmp_path / "s.yaml"
+    scenario.write_text("map: halls.yaml\nstart: [3, 2]\ngoal: [3, 12]\n")
+    command = ("what-if", scenario, "--set", "radius_m=1.0")
+    answer = json.loads(qualrl_command(*command, "--json", cwd=tmp_path)[0])
+    assert answer["after"] is None
+    assert answer["is_opened"] is False
+    assert sum(of["cut_off"] for of in answer["turned"]) > 0
+    assert "no way is left" in qualrl_command(*command, cwd=tmp_path)[0]

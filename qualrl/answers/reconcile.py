@@ -117,6 +117,8 @@ def reconcile(model: HybridMDP, start: int, names: tuple[str, str], expected: Se
             f"no way leads from {names[0]} to {names[1]} through {', '.join(expected)} alone: a doorway between two "
             "of them leads nowhere; expect more places"
         )
+    if not opened and best is not None and best.places == own.places:
+        own = best  # with all other doorways open, too
     closed, is_smallest = search.closings()
     then = search.own(closed) if closed & set(own.doors) else None
     return Reconciled(

@@ -3,6 +3,7 @@
 S states, A actions.  See ``kernels.bellman`` for shifted values.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,11 +43,30 @@ class Slope:
 
         Raises NoPlanError where values fade.
         """
+        found = self._follow(self.best_moves, start, reached)
+        if found is None and self.world.slip > 0:
+            found = self._follow(self._moves_ahead, start, reached)
+        if found is None:
+            raise NoPlanError(f"moves are too much alike on the way: {why_alike(self.world.gamma)}")
+        return found
+
+    def _moves_ahead(self, state: int) -> NDArray[np.bool_]:
+        """(A,) which moves aim at what is worth most: where moves mostly slip, aiming there is not the way there."""
+        ahead = self.shifted[self.successor[state]]
+        if self.has_goal:
+            ahead[self.successor[state] == self.world.goal] = np.inf
+        good: NDArray[np.bool_] = ahead == ahead.max()
+        return good
+
+    def _follow(
+        self, good_moves: Callable[[int], NDArray[np.bool_]], start: int, reached: NDArray[np.bool_]
+    ) -> list[int] | None:
+        """The walk by good moves; None where they do not lead there."""
         walk, last = [start], 0
         while not reached[walk[-1]]:
-            good = self.best_moves(walk[-1])
+            good = good_moves(walk[-1])
             last = last if good[last] else int(good.argmax())
             walk.append(int(self.successor[walk[-1], last]))
             if len(walk) > len(self.world):
-                raise NoPlanError(f"moves are too much alike on the way: {why_alike(self.world.gamma)}")
+                return None
         return walk

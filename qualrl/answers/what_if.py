@@ -226,7 +226,8 @@ def what_if(
     if not changes:
         raise SettingError("say what to change: a doorway to close, a wall to open, or a setting")
     exact, exact_after = exact_values(before.world), exact_values(after.world)
-    is_opened = before.grid.differs_in(after.grid) == {"free"}
+    is_opened = before.grid.differs_in(after.grid) == {"free"} and before.grid.free.shape == after.grid.free.shape
+    is_opened = is_opened and not (before.grid.free & ~after.grid.free).any()
     turned, is_comparable = _turned(before, after, exact, exact_after, is_opened), before.gamma == after.gamma
     walk, way = _walked(before, exact, starts[0])
     walk_after, way_after = _walked(after, exact_after, starts[1])

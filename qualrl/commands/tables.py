@@ -65,15 +65,15 @@ def print_map_and_wings(regions: RegionMap, wings: Mapping[str, Sequence[str]]) 
 
 
 def _table(title: str | None, words: Sequence[str], numbers: Sequence[str]) -> Table:
-    """An empty table; what is too long for a column goes on in the next line, and does not end in dots."""
+    """An empty table; words too long for a column go on in the next line and do not end in dots, numbers stay whole."""
     columns = [Column(heading, overflow="fold") for heading in words]
-    columns += [Column(heading, overflow="fold", justify="right") for heading in numbers]
+    columns += [Column(heading, overflow="fold", justify="right", no_wrap=True) for heading in numbers]
     return Table(*columns, title=title, title_justify="left")
 
 
 def _print_regions(out: PipedConsole, regions: RegionMap) -> None:
     named = [region for region in regions.regions if region.kind != "pocket"]
-    numbers = ("area (m2)", "cells", "centre row,col", "doors")
+    numbers = ("area\n(m2)", "cells", "centre\nrow,col", "doors")
     table = _table(f"{len(named)} regions", ("region", "kind"), numbers)
     for index, region in enumerate(named[:MOST_ROWS]):
         doors = sum(index in door.pair for door in regions.doorways)
@@ -93,7 +93,7 @@ def _print_doors(out: PipedConsole, regions: RegionMap) -> None:
     if not regions.doorways:
         out.print("no doorways")
         return
-    numbers = ("width (m)", "middle row,col", "middle x,y (m)")
+    numbers = ("width\n(m)", "middle\nrow,col", "middle\nx,y (m)")
     table = _table(f"{len(regions.doorways)} doorways", ("doorway", "between", "and"), numbers)
     names = regions.region_names
     for door in regions.doorways[:MOST_ROWS]:

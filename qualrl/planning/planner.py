@@ -184,19 +184,19 @@ def _step_through(
     taken = next(choice for choice in choices if choice.door is door)
     others = [choice for choice in choices if choice.door is not door]
     value, said = values.plain(taken.shifted), f"go through {door.name} to {to}"
+    margin = taken.shifted - others[0].shifted if others else 0.0
+    shifted = float(values.shifted[state])
+    apart = max(abs(shifted - taken.shifted), -margin)
+    turns = values.source == "exact" and apart > _off(model, values, shifted, taken.shifted)
+    free = values.plain(shifted) if turns else None
     if not others:
         back = " without coming back" if chooser.can_come_back(region) else ""
-        reason = f"the only way on from {place} to the goal{back}, worth {value:.6g}"
-        return Step(place, said, to, value, reason, None, None, None, steps, length_m)
+        reason = f"the only way on from {place} to the goal{back}, worth {value if free is None else free:.6g}"
+        return Step(place, said, to, value, reason, None, None, None, steps, length_m, free_value=free)
     other = others[0]
-    margin, other_value = taken.shifted - other.shifted, values.plain(other.shifted)
-    free = float(values.shifted[state])
-    apart = max(abs(free - taken.shifted), -margin)
-    turns = values.source == "exact" and apart > _off(model, values, free, taken.shifted)
-    reason = _reason(chooser, taken, other, values.plain(free) if turns else None)
     return Step(
-        place, said, to, value, reason, _named(model, other), other_value, margin, steps, length_m,
-        free_value=values.plain(free) if turns else None,
+        place, said, to, value, _reason(chooser, taken, other, free), _named(model, other),
+        values.plain(other.shifted), margin, steps, length_m, free_value=free,
     )  # fmt: skip
 
 
@@ -227,7 +227,8 @@ def _reason(chooser: Chooser, taken: Choice, other: Choice, free: float | None) 
         if abs(margin) <= off:
             more = f"to within {off:.1g} as much as"
         shut = "the others shut to slips, too," if model.grid.slip > 0 else "the others shut,"
-        return f"worth {free:.6g}; bound to {taken.door.name}, {shut} {value:.6g}, {more} bound to {than}"
+        beside = than if other.door is None else f"bound to {than}"
+        return f"worth {free:.6g}; bound to {taken.door.name}, {shut} {value:.6g}, {more} {beside}"
     if abs(margin) <= off:
         alike = f"to within {off:.1g} as much" if model.grid.slip > 0 else "exactly as much"
         return f"worth {value:.6g}, {alike} as {_named(model, other)}"

@@ -117,7 +117,7 @@ def _split(text: str, words: Words, start: int, end: int, relation: str) -> Stat
     """The statement with the relation at some words; None without names on both sides."""
     before, after = list(words[:start]), list(words[end:])
     negated = _ends_with(before, ("not",))
-    if len(before) > 1 and before[0] == ("not", False):  # "not room A north of room B"
+    if len(before) > 1 and not before[0][1] and before[0][0].lower() == "not":  # "not room A north of room B"
         negated = not negated
         before.pop(0)
     _ends_with(before, LINKING)
