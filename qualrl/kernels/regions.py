@@ -158,7 +158,8 @@ def crossings_from(label: Ints, top: int, bottom: int) -> Ints:
                 continue
             if count + 2 * BLOCK > len(found):
                 larger = np.empty((2 * len(found), 2), np.int32)
-                larger[:count] = found[:count]
+                for step in range(count):
+                    larger[step, 0], larger[step, 1] = found[step, 0], found[step, 1]
                 found = larger
             for column in range(first, end):
                 cell, here = row * width + column, label[row, column]
