@@ -211,20 +211,21 @@ def _join_small(
     """Merge each place of less area into its likeliest neighbour, the smallest first; those without one stay."""
     count = waiting.size
     while True:
-        small, before, count = np.int64(-1), count, 0
+        smallest, before, count = -1, count, 0
         for at in range(before):
             place = waiting[at]
             if places.parent[place] != place or places.sums[place, AREA] >= min_area:
                 continue
-            if small < 0 or places.sums[place, AREA] < places.sums[small, AREA]:
+            if smallest < 0 or places.sums[place, AREA] < places.sums[waiting[smallest], AREA]:
                 tidy(place, places.parent, bonds, seen)
                 if not _touches(place, bonds):
                     continue  # nor will it ever
-                small = place
+                smallest = count
             waiting[count] = place
             count += 1
-        if small < 0:
+        if smallest < 0:
             return
+        small = waiting[smallest]
         host = _likeliest(small, places, bonds, asked)
         tidy(host, places.parent, bonds, seen)
         _join(host, small, places, bonds)
