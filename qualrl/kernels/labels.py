@@ -260,7 +260,7 @@ def _measure(
     label: Ints, depth: Floats, cells: Counts, sums: NDArray[np.float64], centre: Ints, most: Floats,
     nearest: NDArray[np.float64],
 ) -> None:  # fmt: skip
-    """The greatest depth of each label, most (count,), and its centre's square distance from the mean, nearest (count,)."""
+    """The greatest depth, most (count,), and the centre's square distance from the mean, nearest (count,)."""
     height, width = label.shape
     for row in range(height):
         for column in range(width):
