@@ -6,7 +6,7 @@ H, W: rows, columns.  N: landmarks, as flat indices of cells.  R: regions.  Leng
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled, compiled_part
+from qualrl.kernels.jit import compiled_bare, compiled_part
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -18,16 +18,20 @@ WORTH_A_STEP = 0.5
 """Steps into a corner lead so far outward at least."""
 
 
-@compiled
 def into_corners(label: Ints, cells: Cells, outward: NDArray[np.float64], most: int) -> Cells:
     """(N,) the cell so many steps on, at most, outward (N, 2), without leaving the region (H, W).
 
     Each step is that which leads farthest outward; of equal ones the one to the last cell.
     """
-    height, width = label.shape
-    flat = label.ravel()
     found = cells.copy()
-    for at in range(cells.size):
+    _step_outward(label.ravel(), label.shape[1], outward, most, found)
+    return found
+
+
+@compiled_bare
+def _step_outward(flat: Ints, width: int, outward: NDArray[np.float64], most: int, found: Cells) -> None:
+    height = flat.size // width
+    for at in range(found.size):
         for _ in range(most):
             row, column = found[at] // width, found[at] % width
             gain, after = 0.0, -1
@@ -40,19 +44,23 @@ def into_corners(label: Ints, cells: Cells, outward: NDArray[np.float64], most: 
             if gain < WORTH_A_STEP:
                 break
             found[at] = after
-    return found
 
 
-@compiled
 def nearest_of_region(label: Ints, cells: Cells, region: Ints) -> Cells:
     """(N,) the cell of a region (N,), somewhere in the label image (H, W), that is nearest to each cell.
 
     Of equally near ones it is the first.
     """
-    height, width = label.shape
     found = cells.copy()
-    for at in range(cells.size):
-        row, column = cells[at] // width, cells[at] % width
+    _look_around(label, region, found)
+    return found
+
+
+@compiled_bare
+def _look_around(label: Ints, region: Ints, found: Cells) -> None:
+    height, width = label.shape
+    for at in range(found.size):
+        row, column = found[at] // width, found[at] % width
         reach = 0
         while label[found[at] // width, found[at] % width] != region[at]:
             reach = max(2 * reach, 1)
@@ -62,10 +70,8 @@ def nearest_of_region(label: Ints, cells: Cells, region: Ints) -> Cells:
                     away = (r - row) ** 2 + (c - column) ** 2
                     if away < nearest and label[r, c] == region[at]:
                         nearest, found[at] = away, r * width + c
-    return found
 
 
-@compiled
 def within_reach(
     cells: Cells, width: int, others: Ints, start: Cells, region: Ints, reach: Floats
 ) -> NDArray[np.bool_]:
@@ -74,32 +80,41 @@ def within_reach(
     others (M, 2) rows and columns, those of region r from start[r] to start[r + 1]; region (N,).
     """
     found = np.zeros(cells.size, np.bool_)
+    _mark_near(cells, width, others, start, region, reach, found)
+    return found
+
+
+@compiled_bare
+def _mark_near(cells: Cells, width: int, others: Ints, start: Cells, region: Ints, reach: Floats, found: Flags) -> None:
     for at in range(cells.size):
         row, column = cells[at] // width, cells[at] % width
         for other in range(start[region[at]], start[region[at] + 1]):
             away = max(abs(others[other, 0] - row), abs(others[other, 1] - column))
             found[at] |= away <= reach[region[at]]
-    return found
 
 
-@compiled
 def clear_of_walls(line: Ints, tips: Cells, distance: Floats, clear: Floats, most: Ints) -> Cells:
     """(N,) the first cell of each line (H, W), from its tip on, whose distance (H, W) is at least ``clear`` (N,).
 
     Or the last cell before it parts or ends, or after ``most`` (N,) steps.
     """
-    width = line.shape[1]
     found = tips.copy()
-    passed = np.empty(max(most.max(), 0) + 2, np.int64) if tips.size else np.empty(0, np.int64)
-    for at in range(tips.size):
-        passed[0], count = tips[at], 1
+    _follow_lines(line, distance, clear, most, np.empty(most.max(initial=0) + 2, np.int64), found)
+    return found
+
+
+@compiled_bare
+def _follow_lines(line: Ints, distance: Floats, clear: Floats, most: Ints, passed: Cells, found: Cells) -> None:
+    """Passed (greatest of ``most`` + 2,) is scratch."""
+    width = line.shape[1]
+    for at in range(found.size):
+        passed[0], count = found[at], 1
         while distance[found[at] // width, found[at] % width] < clear[at] and count <= most[at]:
             after = _only_way_on(line, found[at], passed, count)
             if after < 0:
                 break
             found[at] = passed[count] = after
             count += 1
-    return found
 
 
 @compiled_part

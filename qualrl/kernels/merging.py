@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels.bonds import Bonds, append, find, tidy
-from qualrl.kernels.jit import compiled, compiled_part
+from qualrl.kernels.jit import compiled_bare, compiled_part
 from qualrl.kernels.pair_queue import Queue, grown, new_queue, pop, push
 from qualrl.kernels.trees import ALL_LEAVES, Questions, Words, odds, take_away
 
@@ -78,7 +78,6 @@ class Asked(NamedTuple):
     """(T,) scratch"""
 
 
-@compiled
 def merge(
     places: Places,
     bonds: Bonds,
@@ -95,15 +94,34 @@ def merge(
     their order; no bonds lead to any others, which are left alone.  about (3,): the features of the whole map.  With
     truth known, what is not one place is never merged, and pairs are added to the samples.
     """
-    zones = len(places.parent)
-    stamp, seen = np.zeros(zones, np.int64), np.full(zones, -1, np.int32)
-    asked = _asked_on(about, questions)
+    zones, trees, every = len(places.parent), len(questions.first_leaf), len(FEATURES)
+    of_map, of_place, left_over = (np.empty(shape, np.uint64) for shape in (trees, (2, trees), trees))
+    asked = Asked(questions, np.empty(every), of_map, of_place, np.zeros(2, np.bool_), left_over)
+    stamp, seen, waiting = np.zeros(zones, np.int64), np.full(zones, -1, np.int32), chosen.copy()
     queue = new_queue(4 * len(bonds.target) + 16)
-    for zone in chosen:
-        tidy(zone, places.parent, bonds, seen)
+    while not _merge(places, bonds, chosen, about, asked, queue, stamp, seen, waiting, least_odds, min_area, samples):
         queue = grown(queue, zones)
-        _ask(zone, True, places, bonds, asked, stamp, queue, samples)
+
+
+@compiled_bare
+def _merge(
+    places: Places, bonds: Bonds, chosen: NDArray[np.int64], about: Floats, asked: Asked, queue: Queue,
+    stamp: NDArray[np.int64], seen: Ints, waiting: NDArray[np.int64], least_odds: float, min_area: float,
+    samples: Samples,
+) -> bool:  # fmt: skip
+    """Merge until all is done, or the queue has no room: then go on with one that has.
+
+    stamp (Z,): how often each place was merged with others, -1 once it is part of another; 0 at first.  seen (Z,), all
+    -1, and waiting, those chosen, are scratch.
+    """
+    _test_map(about, asked)
+    if not queue.size[1]:  # there is room for all pairs
+        for zone in chosen:
+            tidy(zone, places.parent, bonds, seen)
+            _ask(zone, places, bonds, asked, stamp, queue, samples)
     while queue.size[0]:
+        if queue.size[0] + len(stamp) > len(queue.key):
+            return False
         likely = queue.key[0]
         host, guest = queue.item[0, 1], queue.item[0, 2]
         is_old = queue.item[0, 3] != stamp[host] or queue.item[0, 4] != stamp[guest]
@@ -118,26 +136,23 @@ def merge(
         stamp[host] += 1
         stamp[guest] = -1
         tidy(host, places.parent, bonds, seen)
-        queue = grown(queue, zones)
-        _ask(host, False, places, bonds, asked, stamp, queue, samples)
+        _ask(host, places, bonds, asked, stamp, queue, samples)
     if min_area > 0:
-        _join_small(places, bonds, chosen, asked, min_area, seen)
+        _join_small(places, bonds, waiting, asked, min_area, seen)
     for zone in chosen:
         places.parent[zone] = find(places.parent, zone)
+    return True
 
 
-@compiled
-def _asked_on(about: Floats, questions: Questions) -> Asked:
-    """Nothing asked yet, on a map with these features."""
-    trees = len(questions.first_leaf)
-    features = np.empty(len(FEATURES))
-    of_map = np.full(trees, ALL_LEAVES)
+@compiled_part
+def _test_map(about: Floats, asked: Asked) -> None:
+    """Take away the leaves that the features of the map do."""
+    for tree in range(len(asked.of_map)):
+        asked.of_map[tree] = ALL_LEAVES
     for at in range(OF_MAP):
         feature = len(FEATURES) - OF_MAP + at
-        features[feature] = about[at]
-        take_away(questions, feature, about[at], of_map)
-    of_place, left_over = np.empty((2, trees), np.uint64), np.empty(trees, np.uint64)
-    return Asked(questions, features, of_map, of_place, np.zeros(2, np.bool_), left_over)
+        asked.features[feature] = about[at]
+        take_away(asked.questions, feature, about[at], asked.of_map)
 
 
 @compiled_part
@@ -152,15 +167,14 @@ def _is_true(host: int, guest: int, truth: Ints) -> bool:
 
 @compiled_part
 def _ask(
-    place: int, once: bool, places: Places, bonds: Bonds, asked: Asked, stamp: NDArray[np.int64],
-    queue: Queue, samples: Samples,
-) -> None:  # fmt: skip
-    """Put a place's pairs into the queue; only those with a later neighbour if each pair is met ``once`` from both."""
-    asked.is_tested[:] = False
+    place: int, places: Places, bonds: Bonds, asked: Asked, stamp: NDArray[np.int64], queue: Queue, samples: Samples
+) -> None:
+    """Put a place's pairs into the queue; at first, when each is met from both, only those with a later neighbour."""
+    _forget_tests(asked)
     half = bonds.first[place]
     while half >= 0:
         other = bonds.target[half]
-        if bonds.sums[half, ALONG] + bonds.sums[half, ACROSS] > 0 and not (once and other < place):
+        if bonds.sums[half, ALONG] + bonds.sums[half, ACROSS] > 0 and (stamp[place] > 0 or other > place):
             push(queue, _odds(place, other, half, places, bonds, asked), place, other, stamp[place], stamp[other])
             if len(samples.truth) and samples.truth[place] >= 0 and samples.truth[other] >= 0:
                 at = samples.size[0]
@@ -190,26 +204,28 @@ def _join(host: int, guest: int, places: Places, bonds: Bonds) -> None:
     append(host, guest, bonds)
 
 
-@compiled
+@compiled_part
 def _join_small(
-    places: Places, bonds: Bonds, chosen: NDArray[np.int64], asked: Asked, min_area: float, seen: Ints
+    places: Places, bonds: Bonds, waiting: NDArray[np.int64], asked: Asked, min_area: float, seen: Ints
 ) -> None:
     """Merge each place of less area into its likeliest neighbour, the smallest first; those without one stay."""
-    waiting, count = chosen.copy(), chosen.size
+    count = waiting.size
     while True:
-        small, before, count = -1, count, 0
-        for place in waiting[:before]:
+        smallest, before, count = -1, count, 0
+        for at in range(before):
+            place = waiting[at]
             if places.parent[place] != place or places.sums[place, AREA] >= min_area:
                 continue
-            if small < 0 or places.sums[place, AREA] < places.sums[small, AREA]:
+            if smallest < 0 or places.sums[place, AREA] < places.sums[waiting[smallest], AREA]:
                 tidy(place, places.parent, bonds, seen)
                 if not _touches(place, bonds):
                     continue  # nor will it ever
-                small = place
+                smallest = count
             waiting[count] = place
             count += 1
-        if small < 0:
+        if smallest < 0:
             return
+        small = waiting[smallest]
         host = _likeliest(small, places, bonds, asked)
         tidy(host, places.parent, bonds, seen)
         _join(host, small, places, bonds)
@@ -230,7 +246,7 @@ def _touches(place: int, bonds: Bonds) -> bool:
 def _likeliest(place: int, places: Places, bonds: Bonds, asked: Asked) -> int:
     """The neighbour that a place is likeliest one with, -1 if it touches none."""
     best, most = -1, -np.inf
-    asked.is_tested[:] = False
+    _forget_tests(asked)
     half = bonds.first[place]
     while half >= 0:
         if bonds.sums[half, ALONG] + bonds.sums[half, ACROSS] > 0:
@@ -245,10 +261,8 @@ def _likeliest(place: int, places: Places, bonds: Bonds, asked: Asked) -> int:
 def _odds(place: int, other: int, half: int, places: Places, bonds: Bonds, asked: Asked) -> float:
     """The logarithm of the odds that two are one; the place is the one that was asked about before."""
     is_small = np.int64(places.sums[place, AREA] <= places.sums[other, AREA])
-    if is_small:
-        _describe(place, other, half, places, bonds, asked.features)
-    else:
-        _describe(other, place, half, places, bonds, asked.features)
+    small, large = (place, other) if is_small else (other, place)
+    _describe(small, large, half, places, bonds, asked.features)
     of_place, left_over = asked.of_place[is_small], asked.left_over
     if not asked.is_tested[is_small]:
         _copy(asked.of_map, of_place)
@@ -259,6 +273,12 @@ def _odds(place: int, other: int, half: int, places: Places, bonds: Bonds, asked
     for feature in OF_PAIR:
         take_away(asked.questions, feature, asked.features[feature], left_over)
     return odds(asked.questions, left_over)
+
+
+@compiled_part
+def _forget_tests(asked: Asked) -> None:
+    """What is known of one place's pairs is not known of another's."""
+    asked.is_tested[0] = asked.is_tested[1] = False
 
 
 @compiled_part

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled, compiled_part
+from qualrl.kernels.jit import compiled_part
 
 
 class Queue(NamedTuple):
@@ -18,20 +18,17 @@ class Queue(NamedTuple):
     """(2,) how many are in it, and how many were ever put in."""
 
 
-@compiled
 def new_queue(capacity: int) -> Queue:
     """An empty queue with room for so many pairs."""
     return Queue(np.empty(capacity), np.empty((capacity, 5), np.int64), np.zeros(2, np.int64))
 
 
-@compiled
 def grown(queue: Queue, room: int) -> Queue:
     """The queue, with room for so many more."""
-    if queue.size[0] + room <= len(queue.key):
-        return queue
-    larger = new_queue(2 * (queue.size[0] + room))
-    larger.key[: queue.size[0]] = queue.key[: queue.size[0]]
-    larger.item[: queue.size[0]] = queue.item[: queue.size[0]]
+    count = int(queue.size[0])
+    larger = new_queue(2 * (count + room))
+    larger.key[:count] = queue.key[:count]
+    larger.item[:count] = queue.item[:count]
     larger.size[:] = queue.size
     return larger
 

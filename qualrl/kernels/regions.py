@@ -38,6 +38,8 @@ class Rules(NamedTuple):
     """A place's area is at least this."""
 
 
+MANY = 2**14
+"""So many steps between labels are written down at a time, or all of a row."""
 NO_SET = np.int32(-(2**31))
 """In a forest of sets each cell holds the next one on the way to its root, a root less the size of its set (at most
 2**30), and a cell in no set this."""
@@ -145,21 +147,28 @@ def crossings(label: Ints) -> Ints:
     return np.concatenate(in_bands(partial(crossings_from, label), label.shape))
 
 
-@compiled
 def crossings_from(label: Ints, top: int, bottom: int) -> Ints:
     """Those of the steps that begin in the rows from top to bottom."""
+    room = np.empty((max(2 * label.shape[1], MANY), 2), np.int32)
+    found = [room[:0]]
+    while top < bottom:
+        top, count = _write_crossings(label, top, bottom, room)
+        found.append(room[:count].copy())
+    return np.concatenate(found)
+
+
+@compiled_bare
+def _write_crossings(label: Ints, top: int, bottom: int, found: Ints) -> tuple[int, int]:
+    """The row before which there was no room for more, or the bottom, and how many were found."""
     height, width = label.shape
-    found = np.empty((4 * BLOCK, 2), np.int32)
     count = 0
     for row in range(top, bottom):
+        if count + 2 * width > len(found):
+            return row, count
         for first in range(0, width, BLOCK):
             end = min(first + BLOCK, width)
             if not _has_crossing(label, row, first, end):
                 continue
-            if count + 2 * BLOCK > len(found):
-                larger = np.empty((2 * len(found), 2), np.int32)
-                larger[:count] = found[:count]
-                found = larger
             for column in range(first, end):
                 cell, here = row * width + column, label[row, column]
                 if here < 0:
@@ -170,7 +179,7 @@ def crossings_from(label: Ints, top: int, bottom: int) -> Ints:
                 if row + 1 < height and label[row + 1, column] >= 0 and label[row + 1, column] != here:
                     found[count, 0], found[count, 1] = cell, cell + width
                     count += 1
-    return found[:count].copy()
+    return bottom, count
 
 
 @compiled_part
@@ -285,11 +294,16 @@ def _keep_cores(flat: Ints, away: Floats, thick: Floats, most: np.float32, has_c
             flat[cell] = -1
 
 
-@compiled
 def run_lengths(label: Ints, cells: Ints, down: NDArray[np.bool_]) -> Ints:
     """(N,) cells of the free run (label, (H, W), not -1) through each of the cells (N,), along its column if down."""
-    height, width = label.shape
     length = np.zeros(cells.size, np.int32)
+    _add_runs(label, cells, down, length)
+    return length
+
+
+@compiled_bare
+def _add_runs(label: Ints, cells: Ints, down: Flags, length: Ints) -> None:
+    height, width = label.shape
     for at in range(cells.size):
         for way in (-1, 1):
             row, column = cells[at] // width, cells[at] % width
@@ -297,4 +311,3 @@ def run_lengths(label: Ints, cells: Ints, down: NDArray[np.bool_]) -> Ints:
                 length[at] += 1
                 row, column = (row + way, column) if down[at] else (row, column + way)
         length[at] -= 1  # the cell itself was met from both sides
-    return length

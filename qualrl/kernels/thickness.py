@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.kernels.instructions import trailing_zeros
-from qualrl.kernels.jit import compiled
+from qualrl.kernels.jit import compiled_bare
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -18,7 +18,6 @@ UPHILL = np.float32(0.9)
 ALL = np.uint64(2**64 - 1)
 
 
-@compiled
 def local_thickness(
     distance: Floats, centres: Ints, thickness: Floats, unpainted: Words, top: int, bottom: int
 ) -> None:
@@ -30,9 +29,16 @@ def local_thickness(
     more): a bit for each free cell that no disc has reached, the lowest of a word for its first column.
     Discs are painted from large to small and each cell once; rows that are painted already cost a word or two.
     """
-    height, width = distance.shape
-    flat = distance.ravel()
-    half = np.empty(height, np.int64)
+    half = np.empty(len(distance), np.int64)
+    _paint(distance.ravel(), centres, thickness, unpainted, top, bottom, half)
+
+
+@compiled_bare
+def _paint(
+    flat: Floats, centres: Ints, thickness: Floats, unpainted: Words, top: int, bottom: int, half: NDArray[np.int64]
+) -> None:
+    """Half (H,): half a disc's width, so many rows from its centre; scratch."""
+    height, width = thickness.shape
     radius = np.float32(0)
     reach = 0
     for centre in centres:
@@ -58,13 +64,17 @@ def local_thickness(
                     new &= new - np.uint64(1)
 
 
-@compiled
 def disc_centres(distance: Floats, top: int, bottom: int) -> Ints:
     """Flat indices of the cells on the ridges of the distance (H, W), whose discs lie in no other, from row top to
     bottom.
     """
+    centres = np.empty((bottom - top) * distance.shape[1], np.int32)
+    return centres[: _write_centres(distance, top, bottom, centres)].copy()
+
+
+@compiled_bare
+def _write_centres(distance: Floats, top: int, bottom: int, centres: Ints) -> int:
     height, width = distance.shape
-    centres = np.empty((bottom - top) * width, np.int32)
     count = 0
     for row in range(top, bottom):
         above, below = distance[max(row - 1, 0)], distance[min(row + 1, height - 1)]
@@ -82,4 +92,4 @@ def disc_centres(distance: Floats, top: int, bottom: int) -> Ints:
             if max(max(above[west], above[east]), max(below[west], below[east])) < slanted:
                 centres[count] = row * width + column
                 count += 1
-    return centres[:count].copy()
+    return count

@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from qualrl.kernels.bands import both
 from qualrl.kernels.instructions import AHEAD, ask_around
-from qualrl.kernels.jit import compiled, compiled_bare, compiled_part
+from qualrl.kernels.jit import compiled_bare, compiled_part
 from qualrl.kernels.scratch import borrowed
 
 Ints = NDArray[np.int32]
+Cells = NDArray[np.int64]
 RING = np.array([[0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0], [1, 1]], np.int64)
 """The cells around one, counterclockwise from the east."""
 
@@ -83,7 +84,6 @@ def _wear_down(flat: Ints, width: int, rest: Ints) -> int:
     return count
 
 
-@compiled
 def prune(line: Ints, cells: Ints, distance: NDArray[np.float32], least: float) -> None:
     """Take away, from the image, the spurs that corners and niches leave on lines.
 
@@ -92,47 +92,52 @@ def prune(line: Ints, cells: Ints, distance: NDArray[np.float32], least: float) 
     reaches less than ``least`` times the joint's distance beyond the disc there.  At each joint the shortest goes,
     again and again: what it met there may be one line with the longer one.
     """
-    left = line
-    ends = cells[degrees(left, cells) == 1].astype(np.int64)
+    ends = cells[degrees(line, cells) == 1].astype(np.int64)
     while True:
-        joints, reaches, tips = _spurs(left, ends, distance, least)
-        by_joint = np.argsort(joints, kind="mergesort")
-        for at in range(len(tips)):
-            spur = by_joint[at]
-            if at and joints[by_joint[at - 1]] == joints[spur]:
-                continue  # not the first of its joint
-            after_it = at + 1
-            while after_it < len(tips) and joints[by_joint[after_it]] == joints[spur]:
-                if reaches[by_joint[after_it]] < reaches[spur]:
-                    spur = by_joint[after_it]
-                after_it += 1
-            here = tips[spur]
-            while here != joints[spur]:
-                after = _next_on_line(left, here, -1)
-                left[here // line.shape[1], here % line.shape[1]] = -1
-                here = after
-        if not len(tips):
+        joints, tips, reaches = np.empty_like(ends), np.empty_like(ends), np.empty(ends.size)
+        count = _find_spurs(line, ends, distance, least, joints, tips, reaches)
+        if not count:
             return
+        by_joint = np.lexsort((reaches[:count], joints[:count]))
+        joints, tips = joints[by_joint], tips[by_joint]
+        is_shortest = np.diff(joints, prepend=-1) > 0
+        _take_away(line, joints[is_shortest], tips[is_shortest])
         # Only where a spur began there may be a new tip.
-        ends = np.unique(np.concatenate((ends, joints)))
-        ends = ends[left.ravel()[ends] >= 0]
+        ends = np.union1d(ends, joints)
+        ends = ends[line.ravel()[ends] >= 0]
 
 
-@compiled
-def degrees(line: Ints, cells: Ints) -> Ints:
+def degrees(line: Ints, cells: NDArray[Any]) -> Ints:
     """(N,) how many cells of the same line (H, W) share a side with each of the cells, flat indices on lines."""
     found = np.empty(cells.size, np.int32)
-    for at in range(cells.size):
-        found[at] = _degree(line, cells[at])
+    _write_degrees(line, cells.astype(np.int64, copy=False), found)
     return found
 
 
-@compiled
-def _spurs(left: Any, cells: Any, distance: Any, least: float) -> Any:
-    """The joints, reaches and tips of all lines that end and are too short, by tip."""
+@compiled_bare
+def _write_degrees(line: Ints, cells: Cells, found: Ints) -> None:
+    for at in range(cells.size):
+        found[at] = _degree(line, cells[at])
+
+
+@compiled_bare
+def _take_away(line: Ints, joints: Cells, tips: Cells) -> None:
+    """Take spurs from the image (H, W), from the tip of each to before its joint."""
+    for spur in range(tips.size):
+        here = tips[spur]
+        while here != joints[spur]:
+            after = _next_on_line(line, here, -1)
+            line[here // line.shape[1], here % line.shape[1]] = -1
+            here = after
+
+
+@compiled_bare
+def _find_spurs(
+    left: Ints, cells: Cells, distance: NDArray[np.float32], least: float, joints: Cells, tips: Cells,
+    reaches: NDArray[np.float64],
+) -> int:  # fmt: skip
+    """Write the joints, tips and reaches (N,) of all lines that end and are too short, by tip; how many there are."""
     width = left.shape[1]
-    joints, tips = np.empty(len(cells), np.int64), np.empty(len(cells), np.int64)
-    reaches = np.empty(len(cells), np.float64)
     count = 0
     for tip in cells:
         if _degree(left, tip) != 1:
@@ -144,9 +149,9 @@ def _spurs(left: Any, cells: Any, distance: Any, least: float) -> Any:
         away = np.hypot(float(tip // width - here // width), float(tip % width - here % width))
         reach = away + distance[tip // width, tip % width] - there
         if _degree(left, here) > 2 and reach < least * there:
-            joints[count], reaches[count], tips[count] = here, reach, tip
+            joints[count], tips[count], reaches[count] = here, tip, reach
             count += 1
-    return joints[:count], reaches[:count], tips[:count]
+    return count
 
 
 @compiled_part

@@ -6,7 +6,7 @@ H, W: rows, columns.  G: gaps.  All lengths are in cells.
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels.jit import compiled
+from qualrl.kernels.jit import compiled_bare, compiled_part
 from qualrl.kernels.scratch import borrowed
 
 Flags = NDArray[np.bool_]
@@ -14,53 +14,75 @@ Ints = NDArray[np.int32]
 Floats = NDArray[np.float64]
 
 
-@compiled
 def gaps(wall: Flags, free: Flags, bridge: int, least: int, most: int) -> Ints:
     """(G, 5) row, first column, last column of each gap between two walls of a row, and the lengths of the two.
 
     A wall is a run of cells, at least ``least`` long, with holes of fewer than ``bridge`` cells that make up no
     more than half of it.  Shorter runs are passed over.  A gap has at most ``most`` cells, one or more of them free.
     """
-    height, width = wall.shape
-    count = 0
-    for fill in range(2):
-        found = np.empty((count * fill, 5), np.int32)
-        count = 0
-        for row in range(height):
-            before_end, before_length = -1, 0
-            column = 0
-            while column < width:
-                if not wall[row, column]:
-                    column += 1
-                    continue
-                start, end, solid = column, column, 0
-                while column < width and column - end <= bridge:
-                    if wall[row, column]:
-                        end = column
-                        solid += 1
-                    column += 1
-                column = end + 1
-                length = end - start + 1
-                if length < least or 2 * solid < length:
-                    continue
-                if before_length and 0 < start - before_end - 1 <= most and free[row, before_end + 1 : start].any():
-                    if fill:
-                        found[count, 0] = row
-                        found[count, 1], found[count, 2] = before_end + 1, start - 1
-                        found[count, 3], found[count, 4] = before_length, length
-                    count += 1
-                before_end, before_length = end, length
+    of_walls = wall, free, bridge, least, most
+    found = np.empty((_find_gaps(*of_walls, np.empty((0, 5), np.int32)), 5), np.int32)
+    _find_gaps(*of_walls, found)
     return found
 
 
-@compiled
+@compiled_bare
+def _find_gaps(wall: Flags, free: Flags, bridge: int, least: int, most: int, found: Ints) -> int:
+    """How many gaps there are; they are written down (G, 5) if there is room for any."""
+    height, width = wall.shape
+    count = 0
+    for row in range(height):
+        before_end, before_length = -1, 0
+        column = 0
+        while column < width:
+            if not wall[row, column]:
+                column += 1
+                continue
+            start, end, solid = column, column, 0
+            while column < width and column - end <= bridge:
+                if wall[row, column]:
+                    end = column
+                    solid += 1
+                column += 1
+            column = end + 1
+            length = end - start + 1
+            if length < least or 2 * solid < length:
+                continue
+            if before_length and 0 < start - before_end - 1 <= most and _any_of(free, row, before_end + 1, start):
+                if len(found):
+                    found[count, 0] = row
+                    found[count, 1], found[count, 2] = before_end + 1, start - 1
+                    found[count, 3], found[count, 4] = before_length, length
+                count += 1
+            before_end, before_length = end, length
+    return count
+
+
+@compiled_part
+def _any_of(mask: Flags, row: int, first: int, end: int) -> bool:
+    """Whether a row of the mask (H, W) holds from one column to before another."""
+    found = False
+    for column in range(first, end):
+        found |= mask[row, column]
+    return found
+
+
 def off_middle(found: Ints) -> Ints:
     """(G,) how far each gap (G, 5) is off the middle of the same gaps in the rows above and below, in half rows.
 
     Gaps come row by row and from west to east, as ``gaps`` finds them.
     """
-    first = np.arange(len(found))  # of the same gaps in adjoining rows, the one in the highest
-    rows = np.ones(len(found), np.int32)  # of the first, how many they are
+    off = np.empty(len(found), np.int32)
+    _compare_rows(found, np.arange(len(found)), np.ones(len(found), np.int32), off)
+    return off
+
+
+@compiled_bare
+def _compare_rows(found: Ints, first: NDArray[np.int64], rows: Ints, off: Ints) -> None:
+    """Of the same gaps in adjoining rows, first (G,) is the one in the highest: itself before it is known.
+
+    rows (G,): of the first, how many they are; 1 before.
+    """
     above, end = 0, 0  # gaps of the row above that are not west of this one, and where that row ends
     for gap in range(len(found)):
         if gap and found[gap, 0] != found[gap - 1, 0]:
@@ -68,24 +90,38 @@ def off_middle(found: Ints) -> Ints:
             end = gap
         while above < end and found[above, 1] < found[gap, 1]:
             above += 1
-        if above < end and (found[above, 1:] == found[gap, 1:]).all():
+        if above < end and _are_same(found, above, gap):
             first[gap] = first[above]
             rows[first[gap]] += 1
-    off = np.empty(len(found), np.int32)
     for gap in range(len(found)):
         off[gap] = abs(2 * (found[gap, 0] - found[first[gap], 0]) - (rows[first[gap]] - 1))
-    return off
 
 
-@compiled
+@compiled_part
+def _are_same(found: Ints, one: int, other: int) -> bool:
+    """Whether two gaps are the same but for their row."""
+    alike = True
+    for column in range(1, found.shape[1]):
+        alike &= bool(found[one, column] == found[other, column])
+    return alike
+
+
 def sharpness(x: Floats, y: Floats, cosine: Floats, sine: Floats) -> Floats:
     """(N,) sum of squares of the two profiles of points x, y (M,), turned by an angle of some cosine and sine (N,).
 
     A profile counts the points in each row (or column) of cells.
     """
-    found, along = np.empty(cosine.size), np.empty(x.size)
+    found = np.empty(cosine.size)
     longest = int(np.hypot(np.ptp(x), np.ptp(y))) + 3
-    profile = np.empty(longest, np.int64)
+    _write_sharpness(x, y, cosine, sine, np.empty(x.size), np.empty(longest, np.int64), found)
+    return found
+
+
+@compiled_bare
+def _write_sharpness(
+    x: Floats, y: Floats, cosine: Floats, sine: Floats, along: Floats, profile: NDArray[np.int64], found: Floats
+) -> None:
+    """Along (M,) and the profile are scratch."""
     for angle in range(cosine.size):
         total = np.int64(0)
         for side in range(2):
@@ -94,14 +130,15 @@ def sharpness(x: Floats, y: Floats, cosine: Floats, sine: Floats) -> Floats:
                     along[at] = y[at] * cosine[angle] - x[at] * sine[angle]
                 else:
                     along[at] = x[at] * cosine[angle] + y[at] * sine[angle]
-            least = along.min()
+            least = along[0]
+            for at in range(x.size):
+                least = min(least, along[at])
             profile[:] = 0
             for at in range(x.size):
                 profile[np.int64(np.rint(along[at] - least))] += 1
             for count in profile:
                 total += count * count
         found[angle] = total
-    return found
 
 
 def apart(found: Ints, order: Ints, height: int, width: int, rows: int, slack: int) -> Flags:
@@ -116,49 +153,62 @@ def apart(found: Ints, order: Ints, height: int, width: int, rows: int, slack: i
     return stays
 
 
-@compiled
+@compiled_bare
 def _mark_apart(found: Ints, order: Ints, rows: int, slack: int, taken: Flags, stays: Flags) -> None:
     """Taken (H, W), stays (G,): False at first."""
-    height = len(taken)
+    height, width = taken.shape
     for gap in order:
         row, first, last = found[gap, 0], found[gap, 1], found[gap, 2]
         top, bottom = max(row - rows, 0), min(row + rows + 1, height)
-        if not taken[top:bottom, max(first - slack, 0) : last + slack + 1].any():
-            taken[row, first : last + 1] = True
-            stays[gap] = True
+        stays[gap] = True
+        for near in range(top, bottom):
+            if _any_of(taken, near, max(first - slack, 0), min(last + slack + 1, width)):
+                stays[gap] = False
+                break
+        if stays[gap]:
+            for column in range(first, last + 1):
+                taken[row, column] = True
 
 
-@compiled
 def walls_between(zone: Ints, most: int) -> tuple[Ints, Ints]:
     """(N, 2) the zones on the two sides of each wall, along every row (N,) 0, and every column 1.
 
     zone (H, W), -1 where no zone is; a wall is a run of such cells, at most ``most``.
     """
-    height, width = zone.shape
-    count = 0
-    for fill in range(2):
-        pair, axis = np.empty((count * fill, 2), np.int32), np.empty(count * fill, np.int32)
-        count = 0
-        # Column by column, in the order of memory: what was last met in each is kept.
-        last_down, before_down = np.full(width, -1, np.int32), np.full(width, -1, np.int32)
-        for row in range(height):
-            last, before = -1, -1
-            for column in range(width):
-                here = zone[row, column]
-                if here < 0:
-                    continue
-                if last >= 0 and 0 < column - last - 1 <= most and before != here:
-                    if fill:
-                        pair[count, 0], pair[count, 1], axis[count] = before, here, 0
-                    count += 1
-                above = before_down[column]
-                if above >= 0 and 0 < row - last_down[column] - 1 <= most and above != here:
-                    if fill:
-                        pair[count, 0], pair[count, 1], axis[count] = above, here, 1
-                    count += 1
-                last, before = column, here
-                last_down[column], before_down[column] = row, here
+    down = np.empty((2, zone.shape[1]), np.int32)
+    count = _find_walls(zone, most, down, np.empty((0, 2), np.int32), np.empty(0, np.int32))
+    pair, axis = np.empty((count, 2), np.int32), np.empty(count, np.int32)
+    _find_walls(zone, most, down, pair, axis)
     return pair, axis
+
+
+@compiled_bare
+def _find_walls(zone: Ints, most: int, down: Ints, pair: Ints, axis: Ints) -> int:
+    """How many walls there are; they are written down if there is room for any.  down (2, W) is scratch."""
+    height, width = zone.shape
+    # Column by column, in the order of memory: what was last met in each is kept.
+    last_down, before_down = down[0], down[1]
+    for column in range(width):
+        last_down[column] = before_down[column] = -1
+    count = 0
+    for row in range(height):
+        last, before = -1, -1
+        for column in range(width):
+            here = zone[row, column]
+            if here < 0:
+                continue
+            if last >= 0 and 0 < column - last - 1 <= most and before != here:
+                if len(axis):
+                    pair[count, 0], pair[count, 1], axis[count] = before, here, 0
+                count += 1
+            above = before_down[column]
+            if above >= 0 and 0 < row - last_down[column] - 1 <= most and above != here:
+                if len(axis):
+                    pair[count, 0], pair[count, 1], axis[count] = above, here, 1
+                count += 1
+            last, before = column, here
+            last_down[column], before_down[column] = row, here
+    return count
 
 
 def single_gaps(free: Flags) -> Flags:
@@ -168,7 +218,7 @@ def single_gaps(free: Flags) -> Flags:
     return found
 
 
-@compiled
+@compiled_bare
 def _mark_gaps(free: Flags, found: Flags) -> None:
     """Found (H, W): False at first."""
     height, width = free.shape
