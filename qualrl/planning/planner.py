@@ -186,9 +186,9 @@ def _step_through(
     value, said = values.plain(taken.shifted), f"go through {door.name} to {to}"
     margin = taken.shifted - others[0].shifted if others else 0.0
     shifted = float(values.shifted[state])
-    apart = max(abs(shifted - taken.shifted), -margin)
-    turns = values.source == "exact" and apart > _off(model, values, shifted, taken.shifted)
-    free = values.plain(shifted) if turns else None
+    turns = abs(shifted - taken.shifted) > _off(model, values, shifted, taken.shifted)
+    turns |= bool(others) and -margin > _off(model, values, taken.shifted, others[0].shifted)
+    free = values.plain(shifted) if turns and values.source == "exact" else None
     if not others:
         back = " without coming back" if chooser.can_come_back(region) else ""
         reason = f"the only way on from {place} to the goal{back}, worth {value if free is None else free:.6g}"
