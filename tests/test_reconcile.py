@@ -13,9 +13,11 @@ import qualrl
 from qualrl.answers import reconcile as questions
 from qualrl.answers.ways import course
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError
+from qualrl.solving.exact import exact_values
 from qualrl.spatial.place import names_between_commas
 from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
+from tests.test_one_doorway import coming_back
 from tests.test_planning import LOOP
 from tests.test_robust_slip import iterated
 from tests.worlds import grid_of
@@ -280,3 +282,18 @@ def test_what_can_be_read_twice_is_refused_unless_quotes_tell(tmp_path):
     document = json.loads(qualrl_command(*asked, '"a", "b", "c"', "--json", cwd=tmp_path)[0])
     assert document["own"]["places"] == ["a", "b", "c"]
     assert document["closed"] == []
+
+
+def test_where_the_way_shown_is_closed_the_one_that_is_left_is_told(monkeypatch):
+    model = qualrl.build(coming_back(), [14, 9], start=[14, 1], gamma=0.95)
+    # A doorway of the way itself is closed last, so of small maps none makes the search end there by itself.
+    monkeypatch.setattr(questions._Search, "closings", lambda search: (frozenset({"door 2"}), True))
+    expected = ("corridor 1", "room A", "corridor 2")
+    answer = qualrl.questions.reconcile(model, expected)
+    assert answer.own.doors[0] == "door 2"
+    kept = {"door 1", "opening 1"}
+    left = model.with_closed([door.name for door in model.regions.doorways if door.name not in kept])
+    assert (answer.then.places, answer.then.doors[0]) == (expected, "door 1")
+    assert answer.then.value == pytest.approx(exact_values(left.world).value[left.start])
+    assert f"The way there is then another: {' -> '.join(expected)}" in answer.explain()
+    assert answer.to_dict()["then"]["doors"] == list(answer.then.doors)
