@@ -1,5 +1,6 @@
 """The ``qualrl`` command: its subcommands, each in a file of its own that is loaded when it is called."""
 
+import gc
 import re
 import signal
 import sys
@@ -102,6 +103,7 @@ def qualrl(
 def main() -> None:
     """Run the command.  SIGTERM ends it as Ctrl-C does, so that nothing half-written stays behind."""
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
+    gc.set_threshold(20_000)  # hardly anything that a module makes when it is loaded is garbage
     try:
         sys.exit(app(standalone_mode=False))
     except Exception as error:
@@ -111,6 +113,8 @@ def main() -> None:
         if told:
             print(told if told.startswith("Usage:") else _usage(error), file=sys.stderr)
         sys.exit(2)
+    finally:
+        gc.freeze()  # what is left goes with the process, and need not be taken apart first
 
 
 def _usage(error: Any) -> str:

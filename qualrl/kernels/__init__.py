@@ -1,9 +1,11 @@
 """Compiled loops: arrays in, arrays out; no names, units, graphs, files or prints.
 
 numba is started here, once, and without what it would load only to see whether it is there: SciPy, whose version it
-looks at, and coverage, which it would tell of compiled lines if it were asked to by NUMBA_JIT_COVERAGE.
+looks at, and coverage, which it would tell of compiled lines if it were asked to by NUMBA_JIT_COVERAGE.  Garbage
+is not looked for then: all that is made is kept.
 """
 
+import gc
 import os
 import sys
 from collections.abc import Iterator
@@ -19,9 +21,13 @@ def _out_of_sight(names: tuple[str, ...]) -> Iterator[None]:
     modules: dict[str, Any] = sys.modules
     hidden = [name for name in names if name not in modules]
     modules.update(dict.fromkeys(hidden))
+    collecting = gc.isenabled()
+    gc.disable()
     try:
         yield
     finally:
+        if collecting:
+            gc.enable()
         for name in hidden:
             del modules[name]
 
