@@ -50,10 +50,11 @@ def shortest(routes: Routes, goal) -> np.ndarray:
 
 
 @pytest.mark.no_cover
-@pytest.mark.parametrize("walked", [0, 20_000_000])
+@pytest.mark.parametrize(("walked", "vast"), [(0, 0), (20_000_000, 0), (20_000_000, 2000), (20_000_000, 10**9)])
 @pytest.mark.parametrize("style", ["drawn", "furnished", "scanned"])
-def test_ways_on_floor_plans_are_walks_and_hardly_longer(style, walked, monkeypatch):
+def test_ways_on_floor_plans_are_walks_and_hardly_longer(style, walked, vast, monkeypatch):
     monkeypatch.setattr("qualrl.planning.routes.WALKED", walked)
+    monkeypatch.setattr("qualrl.planning.routes.VAST", vast)
     regions = qualrl.segment(random_floor_plan(3, style=style).grid)
     routes, cells = Routes(regions), np.argwhere(regions.grid.free)
     generator = np.random.default_rng(0)
@@ -85,6 +86,12 @@ def partitions(draw) -> RegionMap:
         label[piece > 0] = piece[piece > 0] - 1 + count
         count += parts - 1
     assume(count)
+    return parted(label)
+
+
+def parted(label) -> RegionMap:
+    """(H, W) numbers of regions; -1 for walls."""
+    count = int(label.max()) + 1
     grid = OccupancyGrid.from_free(label >= 0)
     regions = tuple(
         Region(f"region {number}", "room", len(cells), float(len(cells)), tuple(cells.mean(axis=0)), tuple(cells[0]))
@@ -95,12 +102,18 @@ def partitions(draw) -> RegionMap:
     return RegionMap(grid, label, regions, doors, ())
 
 
-@given(partitions(), st.data(), st.sampled_from([0, 20_000_000]))
-@settings(max_examples=200, deadline=None)
-def test_no_way_is_3_percent_longer_than_the_shortest(regions, data, walked):
+@given(partitions(), st.data(), st.sampled_from([0, 20_000_000]), st.sampled_from([0, 20, 10**9]))
+@settings(max_examples=300, deadline=None)
+def test_no_way_is_3_percent_longer_than_the_shortest(regions, data, walked, vast):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("qualrl.planning.routes.WALKED", walked)
-        routes = Routes(regions)
+        patch.setattr("qualrl.planning.routes.VAST", vast)
+        hold_for_short_and_exact_ways(Routes(regions), data)
+
+
+def hold_for_short_and_exact_ways(routes: Routes, data) -> None:
+    """From some cells to one of them, whichever is drawn."""
+    regions = routes.regions
     cells = [tuple(cell) for cell in np.argwhere(regions.grid.free).tolist()]
     goal = data.draw(st.sampled_from(cells))
     away = shortest(routes, goal)
@@ -305,7 +318,12 @@ def test_places_are_read_as_everywhere(office):
         office.between("room A", (0, 100_000))
 
 
-def test_a_way_may_leave_its_region_and_come_back():
+@pytest.mark.parametrize("vast", [0, 50_000])
+def test_a_way_may_leave_its_region_and_come_back(vast, monkeypatch):
+    monkeypatch.setattr("qualrl.planning.routes.VAST", vast)
+    horseshoe = parted(np.array([[0, 1, 1, 1, 0], *[[0, -1, -1, -1, 0]] * 5, [0] * 5], np.int32))
+    for exact in (False, True):
+        assert Routes(horseshoe).between((1, 0), (1, 4), exact=exact).regions == ("region 0", "region 1", "region 0")
     # a wall divides the left part of the corridor's loop: the short way round is through the other room
     regions = qualrl.segment(grid_of(PUZZLE))
     routes = Routes(regions)

@@ -49,27 +49,26 @@ class End(NamedTuple):
 
 @compiled
 def walk(
-    label: Ints, allowed: Flags, sources: Ints, targets: Ints, most: int, seen: Ints, base: int, queue: Ints,
-    wanted: Flags,
+    label: Ints, allowed: Flags, sources: Ints, targets: Ints, enough: int, aim: int, most: int, seen: Ints, base: int,
+    queue: Ints, wanted: Flags,
 ) -> int:  # fmt: skip
-    """Reach out from cells, no two alike, over the regions allowed (R,) until all targets are reached, or no more is.
+    """Reach out from cells over the regions allowed (R,) until enough of the targets are reached, or no more is.
 
-    most: cells from which even the straight way to the first target would make the whole longer are left out.
+    No two of the sources are alike, nor of the targets.  aim, most: cells from which even the straight way to the cell
+    ``aim`` would make the whole longer than ``most`` are left out.
     queue, wanted (H * W,): scratch; wanted is all False before and after.
     Returns one more than the most steps made: by so much the next walk's base is larger.
     """
     height, width = label.shape
     for target in targets:
         wanted[target] = True
-    missing = targets.size
+    missing = enough
     head, end, steps = 0, 0, 0
     for source in sources:
         seen[source], queue[end] = base, source
         end += 1
         missing -= 1 if wanted[source] else 0
-    to_row, to_column = 0, 0
-    if targets.size:
-        to_row, to_column = targets[0] // width, targets[0] % width
+    to_row, to_column = aim // width, aim % width
     while head < end and missing > 0:
         here = queue[head]
         head += 1

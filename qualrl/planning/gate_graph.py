@@ -29,6 +29,11 @@ LONGER = 3
 Ints = NDArray[np.int32]
 
 
+def too_long(known: int, exact: bool) -> int:
+    """A way has to take fewer steps than this to be looked for beside a known one."""
+    return -(-100 * known // (100 + (0 if exact else LONGER)))
+
+
 @dataclass(frozen=True, eq=False)
 class GateGraph:
     """All that a search over the doorways of a map needs."""

@@ -2,18 +2,20 @@
 
 The walks between the gates of each region are measured once.  A question then costs walks over the regions of its two
 ends, a search over the doorways (``gate_graph`` says why what comes out is not much longer than the shortest way), and
-a walk over the cells of the regions on the way, not over the whole map.
+a walk over the cells of the regions on the way, not over the whole map.  Where an end lies in a vast region, some way
+is found first, from the gates that are nearest, and cells that cannot be on a shorter one are not walked over.
 """
 
 from dataclasses import dataclass
 from threading import Lock
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from qualrl.errors import NoPlanError
 from qualrl.kernels import routing
-from qualrl.planning.gate_graph import GateGraph
+from qualrl.planning.gate_graph import GateGraph, too_long
 from qualrl.planning.gates import apart, boxes_of, gates_of, straight
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.place import PlaceLike, read_place, resolve_cell
@@ -24,7 +26,20 @@ MOST = 2**30
 WALKED = 20_000_000
 """Where a region's gates times its cells are more, the steps between its gates are added up from gate to gate."""
 
+VAST = 50_000
+"""A region of more cells is walked over only where a shorter way than one that is known may lead."""
+
 Ints = NDArray[np.int32]
+
+
+class Bound(NamedTuple):
+    """What a walk is not for: ways of more than ``most`` steps that go on from it to a cell (a flat index)."""
+
+    cell: int
+    most: int
+
+
+UNBOUND = Bound(0, MOST)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +85,7 @@ class Routes:
         places = read_place(start), read_place(goal)
         source, target = (resolve_cell(place, self.regions) for place in places)
         with self._turn:
-            base = self._walk(*self._on_the_way(source, target, exact), [self._flat(target)], [self._flat(source)])
+            base = self._walked(source, target, exact)
             if self._seen[self._flat(source)] < base:
                 raise NoPlanError(f"no way leads from {places[0]} to {places[1]}")
             path = routing.way_back(self._label, self._seen, base, self._flat(source))
@@ -79,26 +94,34 @@ class Routes:
     def _flat(self, cell: Cell) -> int:
         return cell[0] * int(self._label.shape[1]) + cell[1]
 
-    def _walk(self, allowed: NDArray[np.bool_], most: int, sources: ArrayLike, targets: ArrayLike) -> int:
-        """Walk from cells until all targets are reached; the base of what was seen.  most: see ``routing.walk``."""
+    def _walk(
+        self, allowed: NDArray[np.bool_], sources: ArrayLike, targets: ArrayLike, bound: Bound = UNBOUND,
+        enough: int | None = None,
+    ) -> int:  # fmt: skip
+        """Walk from cells until enough of the targets are reached, by default all; the base of what was seen."""
         if self._base > MOST:
             self._seen[:], self._base = 0, 1
         base: int = self._base
         ends = np.asarray(sources, np.int32), np.asarray(targets, np.int32)
-        self._base += routing.walk(self._label, allowed, *ends, most, self._seen, base, *self._scratch)
+        enough = ends[1].size if enough is None else enough
+        self._base += routing.walk(self._label, allowed, *ends, enough, *bound, self._seen, base, *self._scratch)
         return base
 
-    def _to_gates(self, region: int, cells: ArrayLike) -> tuple[Ints, Ints]:
+    def _only(self, *numbers: int) -> NDArray[np.bool_]:
+        """(R,) these regions, and no others."""
+        own = np.zeros(len(self.regions.regions), np.bool_)
+        own[[*numbers]] = True
+        return own
+
+    def _to_gates(self, region: int, cells: ArrayLike, bound: Bound = UNBOUND) -> tuple[Ints, Ints]:
         """(K,) steps from cells of a region to the middles of its gates, and to their nearest cells; -1 if no way.
 
         The nearest of the cells counts, and no step leaves the region.
         """
-        own = np.zeros(len(self.regions.regions), np.bool_)
-        own[region] = True
         gates, at = self._gates, slice(*self._gates.first[region : region + 2].tolist())
         first = gates.cell_first[at.start : at.stop + 1]
         ends = gates.cells[first[0] : first[-1]]
-        base = self._walk(own, MOST, cells, np.unique(ends))
+        base = self._walk(self._only(region), cells, np.unique(ends), bound)
         if not len(ends):
             return ends, ends
         away = self._seen[ends] - base
@@ -143,20 +166,45 @@ class Routes:
         away = dijkstra(matrix, directed=False)[np.ix_(first, first)]
         return np.where(np.isfinite(away), away, -1).astype(np.int32).ravel()
 
-    def _on_the_way(self, source: Cell, target: Cell, exact: bool) -> tuple[NDArray[np.bool_], int]:
-        """(R,) the regions that the way is looked for in, and how long it is at most."""
+    def _walked(self, source: Cell, target: Cell, exact: bool) -> int:
+        """Walk from the target to the source by a way as ``between`` tells it; the base of what was seen."""
         start, goal = int(self._label[source]), int(self._label[target])
-        allowed = np.zeros(len(self.regions.regions), np.bool_)
-        allowed[[start, goal]] = True
-        most = MOST
+        here, there = self._flat(source), self._flat(target)
+        most = self._known(source, target)
+        allowed = self._only(start, goal)
         if start == goal:
-            base = self._walk(allowed, MOST, [self._flat(target)], [self._flat(source)])
-            direct = int(self._seen[self._flat(source)]) - base
-            most = direct if direct >= 0 else MOST
-        first = routing.End(*source, start, *self._to_gates(start, [self._flat(source)]))
-        last = routing.End(*target, goal, *self._to_gates(goal, [self._flat(target)]))
+            base = self._walk(allowed, [there], [here], Bound(here, most))
+            direct = int(self._seen[here]) - base
+            if direct >= 0 and too_long(direct, exact) <= abs(source[0] - target[0]) + abs(source[1] - target[1]):
+                return base
+            most = direct if direct >= 0 else most + 1
+        else:
+            most += 1
+        first = routing.End(*source, start, *self._to_gates(start, [here], Bound(there, most)))
+        last = routing.End(*target, goal, *self._to_gates(goal, [there], Bound(here, most)))
         wanted, most = self.graph.on_the_way(first, last, most, exact)
-        return allowed | wanted, most
+        return self._walk(allowed | wanted, [there], [here], Bound(here, most))
+
+    def _known(self, source: Cell, target: Cell) -> int:
+        """How long the way is at most, if that is worth finding out beforehand; else MOST."""
+        ends = [(cell, int(self._label[cell])) for cell in (source, target)]
+        if all(self.regions.regions[region].cells <= VAST for _, region in ends):
+            return MOST
+        first, last = (routing.End(*cell, region, *(self._by_nearest(region, cell),) * 2) for cell, region in ends)
+        inside = (first.middle + last.middle)[first.middle >= 0] if first.region == last.region else first.middle[:0]
+        return self.graph.on_the_way(first, last, int(inside.min(initial=MOST)), exact=True)[1]
+
+    def _by_nearest(self, region: int, cell: Cell) -> Ints:
+        """(K,) steps of some walk from a cell of a region to the middles of its gates, by the nearest; -1 if no way."""
+        gates, at = self._gates, slice(*self._gates.first[region : region + 2].tolist())
+        middles = gates.cell[at]
+        if not len(middles):
+            return middles
+        base = self._walk(self._only(region), [self._flat(cell)], np.unique(middles), enough=1)
+        nearest = int(self._seen[middles].argmax())
+        row = int(gates.row[at.start + nearest])
+        onward = self.graph.steps[row : row + len(middles)]
+        return np.where(onward < 0, -1, self._seen[middles[nearest]] - base + onward)
 
     def _described(self, path: Ints) -> Route:
         label = self._label[path[:, 0], path[:, 1]]

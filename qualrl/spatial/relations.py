@@ -172,6 +172,6 @@ class Relations:
         most = int(np.iinfo(np.int32).max)
         for place in range(len(at)):
             seen[:] = 0
-            routing.walk(label, allowed, at[[place]], at, most, seen, 1, *scratch)
+            routing.walk(label, allowed, at[[place]], at, len(at), 0, most, seen, 1, *scratch)
             found[place] = seen[at] - 1
         return found
