@@ -13,7 +13,7 @@ from qualrl.errors import NoPlanError, SettingError
 from qualrl.models.grid_world import GridWorld
 from qualrl.qualitative.from_counts import Counts
 from qualrl.qualitative.graph import crossings_of
-from qualrl.solving.exact import SlipSpan, exact_values, values_between
+from qualrl.solving.exact import exact_values
 from tests.command_here import qualrl as qualrl_command
 from tests.test_commands import draw
 from tests.test_planning import LOOP
@@ -52,20 +52,14 @@ SPANS = st.tuples(st.integers(0, 75), st.integers(0, 75)).map(lambda ends: tuple
 
 @settings(deadline=None, max_examples=50)
 @given(free_masks(7), st.randoms(use_true_random=False), SPANS, st.sampled_from([4, 8]))
-def test_values_are_those_of_an_interval_mdp(free, random, span, directions):
+def test_the_ends_of_a_span_are_the_values_of_an_interval_mdp(free, random, span, directions):
+    """Of one in which each step slips with whatever probability of the span is worst for the robot, or best."""
     cell = tuple(map(int, random.choice(np.argwhere(free).tolist())))
-    low, high = span
-    world = GridWorld(free, cell, GAMMA, high, directions)
-    for helps, pick in ((False, np.min), (True, np.max)):
-        found = values_between(world, SlipSpan(low, high, helps))
-        expected = values_of(world, span, pick)
+    for slip, pick in ((span[1], np.min), (span[0], np.max)):
+        world = GridWorld(free, cell, GAMMA, slip, directions)
         reaches = world.steps_to_goal >= 0
-        assert found.value[reaches] == pytest.approx(expected[reaches], rel=1e-8, abs=1e-8)
-    for slip in np.linspace(low, high, 3).tolist():
-        fixed = exact_values(GridWorld(free, cell, GAMMA, slip, directions)).value
-        least, most = (values_between(world, SlipSpan(low, high, helps)).value for helps in (False, True))
-        assert (least <= fixed + 1e-9).all()
-        assert (fixed <= most + 1e-9).all()
+        found, expected = exact_values(world).value[reaches], values_of(world, span, pick)[reaches]
+        assert found == pytest.approx(expected, rel=1e-8, abs=1e-8)
 
 
 def worth_through(model, door, slip):
@@ -106,6 +100,10 @@ def test_verdicts_hold_for_every_slip_of_their_span(start, goal, span):
             for of in verdicts:
                 if of.low <= slip <= of.high and of.relation != "undecided":
                     assert (worth[one] > worth[other]) == (of.relation == "better")
+                tried, *better = of.tried
+                assert 1 <= tried <= robust_slip.MOST_SLIPS
+                if of.relation != "undecided":
+                    assert better == ([tried, 0] if of.relation == "better" else [0, tried])
 
 
 ALONG_OR_ROUND = """
@@ -145,10 +143,24 @@ def test_where_two_doorways_change_places_both_verdicts_are_found():
 
 
 def test_where_it_is_settled_too_late_it_is_undecided(monkeypatch):
-    monkeypatch.setattr(robust_slip, "MOST_SPANS", 0)
+    monkeypatch.setattr(robust_slip, "MOST_SLIPS", 1)
     model = qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=GAMMA)
     answer = qualrl.questions.robust(model, slip=(0.0, 0.7))
-    assert "Undecided: whether" in answer.explain()
+    ((pair, (verdict,)),) = answer.verdicts.items()
+    door_named = {door.name: door for door in REGIONS.doorways}
+    worth = [[worth_through(model, door_named[name], slip) for name in pair] for slip in (0.0, 0.35, 0.7)]
+    better, worse = sum(one > other for one, other in worth), sum(one < other for one, other in worth)
+    assert verdict.tried == (3, better, worse)
+    said = f"{pair[0]} is better at {better}, {pair[1]} at {worse}."
+    assert f"Undecided: whether {' or '.join(pair)} is better; of 3 probabilities tried, {said}" in answer.explain()
+
+
+def test_where_two_ways_are_always_as_good_nothing_is_halved():
+    wall, gap = "#.....#.....#", "#...........#"
+    mirrored = "\n".join(["#" * 13, wall, gap, wall, wall, wall, gap, wall, "#" * 13])
+    model = qualrl.build(qualrl.segment(grid_of(mirrored)), [4, 10], start=[4, 2], gamma=GAMMA)
+    ((verdict,),) = qualrl.questions.robust(model, slip=(0.1, 0.4)).verdicts.values()
+    assert (verdict.relation, verdict.tried) == ("undecided", (3, 0, 0))
 
 
 def test_a_count_of_slips_is_an_interval():

@@ -1,13 +1,15 @@
 """By which doorway it is best to leave a region while the probability of slips is known as an interval only.
 
-For a span of probabilities each way has bounds: what it is worth if every step slips as is best for it, and if every
-step slips as is worst (an interval MDP over the cells).  Where bounds of two ways do not overlap, one is better for all
-of the span; where they do, the span is halved.
+A robot can make its moves slip more often: by aiming elsewhere now and then, by chance.  So no place is worth less
+where they slip less often, nor is a way from there, as long as a move leads where it aims at no less often than to any
+other place.  For a span of probabilities each way is worth what it is at the two ends, or something between; that holds
+even if the probability is another at each step (an interval MDP over the cells).  Where what two ways may be worth does
+not overlap, one is better for all of the span; where it does, the span is halved.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import combinations, groupby
 from typing import Any
 
@@ -27,17 +29,21 @@ from qualrl.planning.values import exact_plan_values
 from qualrl.qualitative.from_counts import Counts
 from qualrl.qualitative.robust_order import BETTER, UNDECIDED, WORSE
 from qualrl.qualitative.signs import one_after_the_other
-from qualrl.solving.exact import SlipSpan, error_at, exact_values, values_between
+from qualrl.solving.exact import ExactValues, exact_values, off_of
 from qualrl.spatial.region_map import Doorway
 
-MOST_SPANS = 64
-"""Spans that are solved at most, each twice."""
+MOST_SLIPS = 65
+"""Probabilities of slips that all is worked out for at most; nor is a span halved that so many, evenly spread over the
+whole, would not tell ways apart in."""
 
 Span = tuple[float, float]
 Bounds = Mapping[str, Span]
-"""By doorway, or staying."""
+"""What leaving by each doorway is worth at least and at most; or staying."""
 WaysOut = Mapping[str, tuple[Doorway | None, OneDoorway]]
 """By name: a doorway, None for staying, and the region as it is when left by it."""
+Pair = tuple[str, str]
+Part = tuple[float, float, dict[Pair, str]]
+"""A span from and to, and which of two ways is better in it."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +54,9 @@ class Verdict:
     high: float
     relation: str
     """BETTER: the first; WORSE: the second; or UNDECIDED."""
+    tried: tuple[int, int, int]
+    """At how many probabilities of the span it was worked out, and at how many of these the first is better, and the
+    second."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +74,7 @@ class RobustSlip(Answer):
     worth: Bounds
     """What each way is worth at least and at most, even if slips are as likely as they like at each step; best first by
     the middle of the interval."""
-    verdicts: Mapping[tuple[str, str], tuple[Verdict, ...]]
+    verdicts: Mapping[Pair, tuple[Verdict, ...]]
 
     def lines(self, depth: Depth) -> Iterator[str]:
         """See Answer."""
@@ -100,7 +109,7 @@ class RobustSlip(Answer):
             "slip": list(self.slip), "counts": None if self.counts is None else [self.counts.hits, self.counts.trials],
             "confidence": self.confidence, "ways": {door: list(span) for door, span in self.worth.items()},
             "verdicts": [
-                {"ways": list(pair), "low": of.low, "high": of.high, "relation": of.relation}
+                {"ways": list(pair), "low": of.low, "high": of.high, "relation": of.relation, "tried": list(of.tried)}
                 for pair, verdicts in self.verdicts.items() for of in verdicts
             ],
         }  # fmt: skip
@@ -120,14 +129,14 @@ def robust_slip(
     check_span("slip (with more of it moves lead less often where they aim at)", span, 0, 1 - 1 / model.grid.n_actions)
     low, high = span
     model.check_reachable(start)
-    ways = _ways(model, start, span, most)
-    worst = replace(model, world=replace(model.grid, slip=high))
-    whole = _bounds(worst, start, ways, low, high)
-    pairs = list(combinations(ways, 2))
-    found = _Search(worst, start, ways, pairs).verdicts(low, high, whole)
+    ends = dict(zip((low, high, (low + high) / 2), _at_once(model, [low, high, (low + high) / 2]), strict=True))
+    ways = _ways(list(ends.values()), start, most)
+    search = _Search(model, start, ways, {slip: worlds.bounds(start, ways) for slip, worlds in ends.items()})
+    verdicts = search.verdicts(low, high)
     return RobustSlip(
         *names, _region(model, start), model.gamma, (low, high),
-        slip if isinstance(slip, Counts) else None, confidence, whole, found,
+        slip if isinstance(slip, Counts) else None, confidence,
+        {way: (search.known[high][way][0], search.known[low][way][1]) for way in ways}, verdicts,
     )  # fmt: skip
 
 
@@ -139,49 +148,59 @@ def _region(model: HybridMDP, state: int) -> str:
     return model.region_names[int(model.region_of[state])]
 
 
-def _ways(model: HybridMDP, start: int, span: Span, most: int) -> WaysOut:
-    """The ways out of a state's region to compare, the best in the middle of a span of slips first.
+@dataclass(frozen=True)
+class _AtSlip:
+    """The model whose moves slip with one probability."""
 
-    The doorways that lead on to the goal without coming back, those that the plan takes in the middle and at the ends,
-    and, in the goal's region, staying there.
-    """
-    assert model.regions is not None
-    low, high = span
-    doors = dict[str, Doorway | None]()
-    for slip in (low, high, (low + high) / 2):
+    model: HybridMDP
+    exact: ExactValues
+
+    @classmethod
+    def of(cls, model: HybridMDP, slip: float) -> "_AtSlip":
+        """A model, with other slips."""
         changed = replace(model, world=replace(model.grid, slip=slip))
-        exact = exact_values(changed.world)
-        walk = exact_walk(changed, exact, start)
-        legs, taken = legs_of(changed, walk), None
-        if len(legs) > 1:
-            taken = door_taken(changed, model.regions, walk[legs[1].first - 1], walk[legs[1].first])
-            doors[taken.name] = taken
-    choices = Chooser(changed, model.regions, exact_plan_values(changed, exact)).at(start, taken)
+        return cls(changed, exact_values(changed.world))
+
+    def left_by(self, start: int) -> Doorway | None:
+        """The doorway by which the plan leaves the region; None where it stays there."""
+        assert self.model.regions is not None
+        walk = exact_walk(self.model, self.exact, start)
+        legs = legs_of(self.model, walk)
+        if len(legs) == 1:
+            return None
+        return door_taken(self.model, self.model.regions, walk[legs[1].first - 1], walk[legs[1].first])
+
+    def bounds(self, start: int, ways: WaysOut) -> Bounds:
+        """What each way is worth, as far as it is known."""
+        found = {}
+        for name, (door, room) in ways.items():
+            shifted = value_in(room, self.model, self.exact, start, door)
+            worth, off = shifted - self.exact.shift, float(off_of(self.model.grid, shifted, self.exact.shift))
+            found[name] = worth - off, worth + off
+        return found
+
+
+def _at_once(model: HybridMDP, slips: Sequence[float]) -> list[_AtSlip]:
+    with ThreadPoolExecutor(2) as both:
+        return list(both.map(lambda slip: _AtSlip.of(model, slip), slips))
+
+
+def _ways(worlds: Sequence[_AtSlip], start: int, most: int) -> WaysOut:
+    """The ways out of a state's region to compare, the best in the last world first.
+
+    The doorways that lead on to the goal without coming back, those that the plan takes in each of the worlds, and, in
+    the goal's region, staying there.
+    """
+    model, exact = worlds[-1].model, worlds[-1].exact
+    assert model.regions is not None
+    taken = [world.left_by(start) for world in worlds]
+    doors: dict[str, Doorway | None] = {door.name: door for door in taken if door is not None}
+    choices = Chooser(model, model.regions, exact_plan_values(model, exact)).at(start, taken[-1])
     stay = _stay(_region(model, start))
     doors |= {stay if choice.door is None else choice.door.name: choice.door for choice in choices}
-    rooms = {name: left_by(changed, start, door) for name, door in doors.items()}
-    worth = {name: value_in(rooms[name], changed, exact, start, door, slip) for name, door in doors.items()}
-    return {name: (doors[name], rooms[name]) for name in sorted(worth, key=lambda name: -worth[name])[:most]}
-
-
-def _bounds(model: HybridMDP, start: int, ways: WaysOut, low: float, high: float) -> Bounds:
-    """What each way out is worth at least and at most for a span of slips, inexact values allowed for.
-
-    model: of the most slips that are asked about, or less.
-    """
-
-    def end(helps: bool) -> dict[str, float]:
-        span = SlipSpan(low, high, helps)
-        values = values_between(model.grid, span)
-        worth = {name: value_in(room, model, values, start, door, span) for name, (door, room) in ways.items()}
-        return {
-            name: value - values.shift + error_at(model.grid, value, values.shift) * (1 if helps else -1)
-            for name, value in worth.items()
-        }
-
-    with ThreadPoolExecutor(2) as both:
-        least, most = both.map(end, (False, True))
-    return {name: (worth, most[name]) for name, worth in least.items()}
+    ways = {name: (door, left_by(model, start, door)) for name, door in doors.items()}
+    worth = {name: value_in(room, model, exact, start, door) for name, (door, room) in ways.items()}
+    return {name: ways[name] for name in sorted(worth, key=lambda name: -worth[name])[:most]}
 
 
 @dataclass
@@ -191,46 +210,73 @@ class _Search:
     model: HybridMDP
     start: int
     ways: WaysOut
-    pairs: list[tuple[str, str]]
-    solved: int = 0
-    parts: list[tuple[float, float, dict[tuple[str, str], str]]] = field(default_factory=list)
+    known: dict[float, Bounds]
+    """By the probability of slips; of the ways that were not told apart before."""
 
-    def verdicts(self, low: float, high: float, whole: Bounds) -> dict[tuple[str, str], tuple[Verdict, ...]]:
+    def verdicts(self, low: float, high: float) -> dict[Pair, tuple[Verdict, ...]]:
         """Of each pair, spans in order; neighbours of one kind are one."""
-        waiting = [(low, high, self._relations(whole))]
-        while waiting:
-            waiting.sort(key=lambda part: part[0] - part[1])
-            low, high, relations = waiting.pop(0)
-            if UNDECIDED not in relations.values() or low == high or self.solved >= MOST_SPANS:
-                self.parts.append((low, high, relations))
-                continue
-            middle = (low + high) / 2
-            asked = {name for pair, of in relations.items() if of == UNDECIDED for name in pair}
-            ways = {name: way for name, way in self.ways.items() if name in asked}
-            for half in ((low, middle), (middle, high)):
-                self.solved += 1
-                found = self._relations(_bounds(self.model, self.start, ways, *half))
-                known = {pair: found[pair] if of == UNDECIDED else of for pair, of in relations.items()}
-                waiting.append((*half, known))
-        self.parts.sort(key=lambda part: part[0])
-        return {pair: self._joined(pair) for pair in self.pairs}
+        pairs, finest = list(combinations(self.ways, 2)), (high - low) / max(MOST_SLIPS - 1, 1)
+        open_, done = [(low, high, self._relations(low, high, dict.fromkeys(pairs, UNDECIDED)))], list[Part]()
+        while open_:
+            open_.sort(key=lambda part: part[0] - part[1])
+            widest, open_ = open_[:2], open_[2:]
+            halved = [part for part in widest if part[0] < part[1] and self._may_tell(part, finest)]
+            halved = halved[: max(MOST_SLIPS - len(self.known), 0)]
+            done += [part for part in widest if part not in halved]
+            self._work_out(halved)
+            for low, high, relations in halved:
+                middle = (low + high) / 2
+                open_ += [(*half, self._relations(*half, relations)) for half in ((low, middle), (middle, high))]
+        done.sort(key=lambda part: part[0])
+        return {pair: self._joined(pair, done) for pair in pairs}
 
-    def _relations(self, bounds: Bounds) -> dict[tuple[str, str], str]:
-        """Of pairs of which both have bounds."""
-        found = {}
-        for one, other in self.pairs:
-            if one not in bounds or other not in bounds:
-                continue
-            (low, high), (other_low, other_high) = bounds[one], bounds[other]
-            found[one, other] = BETTER if low > other_high else WORSE if high < other_low else UNDECIDED
-        return found
+    def _may_tell(self, part: Part, finest: float) -> bool:
+        """Whether halves of a span, or halves of these, may tell more, down to some width.
 
-    def _joined(self, pair: tuple[str, str]) -> tuple[Verdict, ...]:
+        What a way is worth falls about evenly in a span, and how far two are apart changes evenly.
+        """
+        low, high, relations = part
+        return any(
+            (self.known[low][name][1] - self.known[high][name][0]) * finest
+            <= (high - low) * max(abs(self._apart(slip, pair)) for slip in (low, high))
+            for pair, of in relations.items() if of == UNDECIDED for name in pair
+        )  # fmt: skip
+
+    def _apart(self, slip: float, pair: Pair) -> float:
+        one, other = (self.known[slip][name] for name in pair)
+        return (one[0] + one[1] - other[0] - other[1]) / 2
+
+    def _work_out(self, parts: Sequence[Part]) -> None:
+        """In the middle of some spans, for the ways that are not told apart in them."""
+        asked = {
+            (low + high) / 2: {name for pair, of in relations.items() if of == UNDECIDED for name in pair}
+            for low, high, relations in parts
+        }
+        missing = [slip for slip in asked if slip not in self.known]
+        for slip, world in zip(missing, _at_once(self.model, missing), strict=True):
+            self.known[slip] = world.bounds(self.start, {name: self.ways[name] for name in asked[slip]})
+
+    def _relations(self, low: float, high: float, before: Mapping[Pair, str]) -> dict[Pair, str]:
+        """Of all pairs in a span of one in which some are told apart already."""
+        return {pair: self._relation(low, high, pair) if of == UNDECIDED else of for pair, of in before.items()}
+
+    def _relation(self, low: float, high: float, pair: Pair) -> str:
+        (one_least, other_least), (one_most, other_most) = (
+            [self.known[slip][name][side] for name in pair] for slip, side in ((high, 0), (low, 1))
+        )
+        return BETTER if one_least > other_most else WORSE if one_most < other_least else UNDECIDED
+
+    def _joined(self, pair: Pair, parts: Sequence[Part]) -> tuple[Verdict, ...]:
         found = []
-        for relation, group in groupby(self.parts, key=lambda part: part[2][pair]):
-            parts = list(group)
-            found.append(Verdict(parts[0][0], parts[-1][1], relation))
+        for relation, group in groupby(parts, key=lambda part: part[2][pair]):
+            of = list(group)
+            found.append(Verdict(of[0][0], of[-1][1], relation, self._tried(pair, of[0][0], of[-1][1])))
         return tuple(found)
+
+    def _tried(self, pair: Pair, low: float, high: float) -> tuple[int, int, int]:
+        slips = [slip for slip, of in self.known.items() if low <= slip <= high and all(name in of for name in pair)]
+        found = [self._relation(slip, slip, pair) for slip in slips]
+        return len(found), found.count(BETTER), found.count(WORSE)
 
 
 def _verdicts_in_words(one: str, other: str, verdicts: tuple[Verdict, ...], depth: Depth) -> str:
@@ -238,7 +284,9 @@ def _verdicts_in_words(one: str, other: str, verdicts: tuple[Verdict, ...], dept
     if len(verdicts) == 1 and verdicts[0].relation != UNDECIDED:
         return f"Certain: {better[verdicts[0].relation]}, whatever the probability is"
     if len(verdicts) == 1:
-        return f"Undecided: whether {one} or {other} is better"
+        tried, better_one, better_other = verdicts[0].tried
+        at = f"; of {tried} probabilities tried, {one} is better at {better_one}, {other} at {better_other}"
+        return f"Undecided: whether {one} or {other} is better{depth.at_numbers(at)}"
     kinds = {of.relation for of in verdicts} - {UNDECIDED}
     how = "Possible" if len(kinds) > 1 else "Certain"
     if depth == Depth.SIGNS:

@@ -14,7 +14,7 @@ from qualrl.errors import NoPlanError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.one_doorway import OneDoorway, Room
 from qualrl.planning.planner import exact_walk
-from qualrl.solving.exact import ExactValues, SlipSpan
+from qualrl.solving.exact import ExactValues
 from qualrl.spatial.region_map import Doorway
 
 
@@ -42,7 +42,7 @@ def way_through(model: HybridMDP, exact: ExactValues, start: int, door: Doorway 
     """
     room = left_by(model, start, door)
     world, shifted, successor = model.grid, np.full(len(model), -np.inf), model.grid.successor.copy()
-    shifted[room.inside] = _values(model, exact, start, door, room, world.slip)
+    shifted[room.inside] = _values(model, exact, start, door, room)
     shifted[room.beyond] = exact.shifted[room.beyond]
     successor[room.inside] = room.of_world
     slope = Slope(world, successor, shifted, exact.shift)
@@ -54,21 +54,21 @@ def way_through(model: HybridMDP, exact: ExactValues, start: int, door: Doorway 
 
 
 def value_through(
-    model: HybridMDP, exact: ExactValues, start: int, door: Doorway | None, slip: float | SlipSpan
+    model: HybridMDP, exact: ExactValues, start: int, door: Doorway | None
 ) -> float:  # fmt: skip
     """The shifted value of a state whose region is left by one doorway, which slips do not change.
 
     exact: of the whole world, with the same slips.
     Raises NoPlanError where no way leads from the state through the doorway and on, even back, to the goal.
     """
-    return value_in(left_by(model, start, door), model, exact, start, door, slip)
+    return value_in(left_by(model, start, door), model, exact, start, door)
 
 
 def value_in(
-    room: OneDoorway, model: HybridMDP, exact: ExactValues, start: int, door: Doorway | None, slip: float | SlipSpan
+    room: OneDoorway, model: HybridMDP, exact: ExactValues, start: int, door: Doorway | None
 ) -> float:  # fmt: skip
     """The same, once the region is known as one that is left by the doorway, whatever the slips: ``left_by``."""
-    return float(_values(model, exact, start, door, room, slip)[np.searchsorted(room.inside, start)])
+    return float(_values(model, exact, start, door, room)[np.searchsorted(room.inside, start)])
 
 
 def left_by(model: HybridMDP, start: int, door: Doorway | None) -> OneDoorway:
@@ -79,9 +79,9 @@ def left_by(model: HybridMDP, start: int, door: Doorway | None) -> OneDoorway:
 
 
 def _values(
-    model: HybridMDP, exact: ExactValues, start: int, door: Doorway | None, room: OneDoorway, slip: float | SlipSpan
+    model: HybridMDP, exact: ExactValues, start: int, door: Doorway | None, room: OneDoorway
 ) -> NDArray[np.float64]:
-    values = room.values(exact.shifted, exact.shift, slip)
+    values = room.values(exact.shifted, exact.shift, model.grid.slip)
     if not np.isfinite(values[np.searchsorted(room.inside, start)]):
         what = "the goal" if door is None else door.name
         raise NoPlanError(f"{what} cannot be reached from {model.describe(start)} inside its region")

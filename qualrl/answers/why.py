@@ -211,7 +211,7 @@ def _action(door: Doorway | None, to: str) -> str:
 
 def _bound(model: HybridMDP, exact: ExactValues, start: int, door: Doorway, best: Way) -> Worth | None:
     """See ``Why.bound``."""
-    shifted = value_through(model, exact, start, door, model.grid.slip)
+    shifted = value_through(model, exact, start, door)
     worth = worth_of(model.grid, shifted, exact.shift)
     return worth if worth.beside(best.worth) else None
 
@@ -220,7 +220,7 @@ def _through(
     start: int, doors: tuple[Doorway, Doorway | None], model: HybridMDP, exact: ExactValues
 ) -> tuple[float, float]:
     """Shifted values of leaving a state's region by each of two doorways, or of staying."""
-    one, other = (value_through(model, exact, start, door, model.grid.slip) for door in doors)
+    one, other = (value_through(model, exact, start, door) for door in doors)
     return float(one), float(other)
 
 

@@ -49,8 +49,6 @@ def settle_grid(
     goal_value: Any,
     gamma: Any,
     slip: Any,
-    most_slip: Any,
-    helps: Any,
     relaxation: Any,
     value: Any,
     waiting: Any,
@@ -67,9 +65,7 @@ def settle_grid(
     layer_end[k] is the end of layer k.  near (N, A): where moves lead; from N on: states with values that stay.
     Each sweep takes in one more layer: farther ones would start from values that are still wrong.
     A state waits for its backup, waiting (N + B,) bool, while its own value or one beside it changes; at the
-    end a sweep over all states makes sure.  Slips may have any probability from slip to most_slip (None: slip), which
-    is at most (A - 1) / A: what is best for the robot (helps), or worst.  relaxation: steps to the backup are so
-    many times as long.
+    end a sweep over all states makes sure.  relaxation: steps to the backup are so many times as long.
     ``at``: (FIRST, REACHED, SWEEPS, SURE), all 0 at first, kept from call to call.
     """
     n, n_actions = near.shape
@@ -95,9 +91,6 @@ def settle_grid(
                 worth = goal_value if t == goal else reward[a] + gamma * value[t]
                 best, worst, total = max(best, worth), min(worst, worth), total + worth
             backup = chosen * (best if chosen >= 0.0 else worst) + other * total
-            if most_slip is not None:
-                slipping = (1.0 - most_slip) * best + most_slip * (total - best) / (n_actions - 1)
-                backup = max(backup, slipping) if helps else min(backup, slipping)
             change = backup - value[s]
             value[s] = backup + (ahead - 1.0) * change
             if abs(change) > tolerance * max(backup, floor):

@@ -15,7 +15,7 @@ from qualrl.kernels.grid import breadth_first
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.crossings import doors_of_moves
-from qualrl.solving.exact import SlipSpan, settle_outward, shifted_rewards
+from qualrl.solving.exact import settle_outward, shifted_rewards
 from qualrl.spatial.region_map import Doorway, RegionMap
 
 
@@ -31,7 +31,7 @@ class OneDoorway:
     successor: NDArray[np.uint32]
     """(n + m, A) where moves lead, numbered as (*inside, *beyond); from beyond: back in, where a move led out."""
 
-    def values(self, shifted: NDArray[np.float64], shift: float, slip: float | SlipSpan) -> NDArray[np.float64]:
+    def values(self, shifted: NDArray[np.float64], shift: float, slip: float) -> NDArray[np.float64]:
         """(n,) shifted values when cells beyond are worth ``shifted`` (S,); -inf where no way leads out."""
         world, n = self.world, len(self.inside)
         order, steps = breadth_first(self.successor, np.arange(n, len(self.successor)))

@@ -31,17 +31,6 @@ LEAST_RELAXATION = 1.2
 """Nearer 1 it costs more than it saves."""
 
 
-@dataclass(frozen=True)
-class SlipSpan:
-    """A probability of slips that may be another at each step, within bounds."""
-
-    low: float
-    high: float
-    """At most (A - 1) / A, where a move still leads where it aims at as often as to any other place."""
-    helps: bool
-    """Whether it is each time what is best for the robot; else what is worst."""
-
-
 @dataclass(frozen=True, eq=False)
 class ExactValues:
     """V* of every state, once plain and once shifted."""
@@ -82,25 +71,12 @@ def exact_values(world: World, error: float | None = None) -> ExactValues:
     shift = shift_of(world)
     floor = _floor(world, shift, error)
     if isinstance(world, GridWorld):
-        shifted = _solve_grid(world, shift, world.slip, floor)
+        shifted = _solve_grid(world, shift, floor)
         value = shifted - shift
         value[world.goal] = 0.0
     else:
         shifted = _solve_table(world, shift, floor)
         value = np.where(world.terminal, 0.0, shifted - shift)
-    return ExactValues(value, shifted, shift)
-
-
-def values_between(world: GridWorld, span: SlipSpan) -> ExactValues:
-    """Values of the interval MDP in which each move may slip with any probability of a span, known beforehand to none.
-
-    What the robot does is best for them.  No policy is worth more at any slip of the span than if it helps; and one
-    policy is worth at least as much at each of them as if it does not.  world: of slip ``span.high`` or more.
-    """
-    shift = shift_of(world)
-    shifted = _solve_grid(world, shift, span, FLOOR)
-    value = shifted - shift
-    value[world.goal] = 0.0
     return ExactValues(value, shifted, shift)
 
 
@@ -145,42 +121,36 @@ def _floor(world: World, shift: float, error: float | None) -> float:
     return min(error * (1 - world.gamma), 1e-3 * largest) / TOLERANCE if largest > 0 else FLOOR
 
 
-def _solve_grid(
-    world: GridWorld, shift: float, slip: float | SlipSpan, floor: float
-) -> NDArray[np.float64]:  # fmt: skip
+def _solve_grid(world: GridWorld, shift: float, floor: float) -> NDArray[np.float64]:
     value = np.zeros(len(world))
     reward = shifted_rewards(world.move_reward, shift, world.gamma)
-    value[world.steps_to_goal < 0] = _for_ever(reward, slip) / (1 - world.gamma)
+    value[world.steps_to_goal < 0] = _for_ever(reward, world.slip) / (1 - world.gamma)
     settle_outward(
         world.successor, world.outward, world.steps_to_goal[world.outward], reward, world.goal,
-        world.goal_reward + shift, world.gamma, slip, value, floor,
+        world.goal_reward + shift, world.gamma, world.slip, value, floor,
     )  # fmt: skip
     value[world.goal] = shift
     return value
 
 
-def _for_ever(reward: NDArray[np.float64], slip: float | SlipSpan) -> float:
+def _for_ever(reward: NDArray[np.float64], slip: float) -> float:
     """What a step of a walk that never ends is worth at best; a move is worth the same wherever it is made."""
-    least, most, helps = (slip.low, slip.high, slip.helps) if isinstance(slip, SlipSpan) else (slip, slip, True)
-    of = [(1 - p) * reward + p * (reward.sum() - reward) / (len(reward) - 1) for p in (least, most)]
-    return float((max if helps else min)(worth.max() for worth in of))
+    worth = (1 - slip) * reward + slip * (reward.sum() - reward) / (len(reward) - 1)
+    return float(worth.max())
 
 
 def settle_outward(
     successor: NDArray[np.uint32], order: NDArray[np.int64], layer: NDArray[np.int32], reward: NDArray[np.float64],
-    goal: int, goal_value: float, gamma: float, slip: "float | SlipSpan", value: NDArray[np.float64],
-    floor: float = FLOOR,
+    goal: int, goal_value: float, gamma: float, slip: float, value: NDArray[np.float64], floor: float = FLOOR,
 ) -> None:  # fmt: skip
     """Solve for the shifted values of the states of ``order`` (N,) and put them in value (S,); the others stay.
 
     successor (S, A); order: outward from what stays; layer (N,): how far each is; reward (A,) shifted; goal: -1 for
     none.  A move and those that slip from it must be possible backwards.
-    slip: a probability, or between what it lies at each step.  floor: smaller values need not settle any better.
+    floor: smaller values need not settle any better.
     """
     if not len(order):
         return
-    # Beyond backups a span does not always settle: what is best for the robot, or worst, may turn with every step.
-    least, most, helps = (slip.low, slip.high, slip.helps) if isinstance(slip, SlipSpan) else (slip, None, True)
     stays = np.ones(len(value), np.bool_)
     stays[order] = False
     states = np.concatenate([order, np.flatnonzero(stays)])
@@ -190,9 +160,9 @@ def settle_outward(
     swept(
         len(order), bellman.settle_grid,
         number[successor[order]], np.flatnonzero(np.diff(layer, append=-1)) + 1, reward,
-        int(number[goal]) if goal >= 0 else -1, goal_value, gamma, float(least), most, helps,
-        relaxation(least, gamma, successor.shape[1]) if most is None else 1.0, ordered,
-        np.ones(len(states), np.bool_), np.zeros(4, np.int64), TOLERANCE, floor,
+        int(number[goal]) if goal >= 0 else -1, goal_value, gamma, float(slip),
+        relaxation(slip, gamma, successor.shape[1]), ordered, np.ones(len(states), np.bool_), np.zeros(4, np.int64),
+        TOLERANCE, floor,
     )  # fmt: skip
     value[states] = ordered
 
