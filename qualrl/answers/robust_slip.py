@@ -21,7 +21,7 @@ from qualrl.answers.uncertain import check_confidence, check_span
 from qualrl.errors import SettingError
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.choices import Chooser
-from qualrl.planning.crossings import door_taken
+from qualrl.planning.crossings import doors_between
 from qualrl.planning.legs import legs_of
 from qualrl.planning.one_doorway import OneDoorway
 from qualrl.planning.planner import exact_walk
@@ -165,10 +165,8 @@ class _AtSlip:
         """The doorway by which the plan leaves the region; None where it stays there."""
         assert self.model.regions is not None
         walk = exact_walk(self.model, self.exact, start)
-        legs = legs_of(self.model, walk)
-        if len(legs) == 1:
-            return None
-        return door_taken(self.model, self.model.regions, walk[legs[1].first - 1], walk[legs[1].first])
+        legs = legs_of(self.model, walk)[:2]
+        return next(iter(doors_between(self.model, self.model.regions, walk, legs)), None)
 
     def bounds(self, start: int, ways: WaysOut) -> Bounds:
         """What each way is worth, as far as it is known."""

@@ -11,7 +11,7 @@ from qualrl.answers.answer import ALIKE, WORTH, in_sign
 from qualrl.answers.depth import Depth
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
-from qualrl.planning.crossings import door_taken
+from qualrl.planning.crossings import doors_between
 from qualrl.planning.legs import legs_of
 from qualrl.planning.on_the_way import SIDES, passages, seen_on_stretches
 from qualrl.planning.planner import length_m
@@ -137,7 +137,7 @@ def way_of(
     for part in parts:
         legs = legs_of(model, part)
         places += [model.region_names[leg.region] for leg in legs]
-        doors += [door_taken(model, regions, part[leg.first - 1], part[leg.first]).name for leg in legs[1:]]
+        doors += [door.name for door in doors_between(model, regions, part, legs)]
     far_m = sum(length_m(model, part) or 0.0 for part in parts)
     told = tuple(place for place, _ in groupby(places))
     return Way(
@@ -159,12 +159,11 @@ def _turns(
     come_from: Cell | None = None
     for part, stop in zip_longest(parts, stops):
         path: list[Cell] = [(row, column) for row, column in model.grid.cells[list(part)].tolist()]
-        legs = legs_of(model, part)
-        for at, passage in enumerate(passages(regions, path, come_from)):
+        doors = iter(doors_between(model, regions, part, legs_of(model, part)))
+        for passage in passages(regions, path, come_from):
             turn = f"to the {passage.compass}" if passage.compass else passage.side and SIDES[passage.side]
             if passage.left_by is not None:
-                first = legs[at + 1].first
-                passes.append(door_taken(model, regions, part[first - 1], part[first]).name)
+                passes.append(next(doors).name)
                 turns.append(turn)
         if stop is not None and len(path) > 1:
             passes.append(stop)
@@ -182,10 +181,10 @@ def _stretches(
     for part, stop in zip_longest(parts, stops):
         before = len(walk) - 1
         walk += part[1:]
-        for leg in legs_of(model, part)[1:]:
-            ends.append(before + leg.first - 1)  # on this side of the doorway
-            starts.append(before + leg.first)
-            named.append(door_taken(model, regions, part[leg.first - 1], part[leg.first]).name)
+        legs = legs_of(model, part)
+        starts += [before + leg.first for leg in legs[1:]]
+        ends += [before + leg.first - 1 for leg in legs[1:]]  # on this side of the doorway
+        named += [door.name for door in doors_between(model, regions, part, legs)]
         if stop is not None and len(part) > 1:
             ends.append(len(walk) - 1)
             starts.append(len(walk) - 1)

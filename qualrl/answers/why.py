@@ -21,7 +21,7 @@ from qualrl.answers.through import ThroughWay, value_through, way_through
 from qualrl.answers.ways import Way, Worth, course, longer, way_of, worth_of
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.choices import Chooser
-from qualrl.planning.crossings import door_taken
+from qualrl.planning.crossings import doors_between
 from qualrl.planning.legs import legs_of
 from qualrl.planning.planner import exact_walk
 from qualrl.planning.values import exact_plan_values
@@ -171,8 +171,7 @@ def why(model: HybridMDP, start: int, goal: str, at: str | None, gammas: Span | 
     legs = legs_of(model, walk)
     if len(legs) < 2:
         return Why(place, cell, goal, model.gamma, "walk to the goal", best, None, None, (), None)
-    leave = legs[1].first
-    door = door_taken(model, model.regions, walk[leave - 1], walk[leave])
+    (door,) = doors_between(model, model.regions, walk, legs[:2])
     action = _action(door, best.places[1])
     chooser = Chooser(model, model.regions, exact_plan_values(model, exact))
     choices = chooser.at(walk[0], door)

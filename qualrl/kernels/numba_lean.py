@@ -1,4 +1,4 @@
-"""numba compiling without what the loops of this project have no use for: a good third of the time that it takes.
+"""numba compiling without what the loops of this project have no use for: nearly half of the time that it takes.
 
 A loop is made of parts that only compiled loops call.  numba makes each of them as if it were to be called from
 Python: it optimizes it, makes machine code of it, and does both again where the part is linked into a loop.  Here a

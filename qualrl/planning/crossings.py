@@ -3,10 +3,13 @@
 N steps.  Straight steps pass the cells of a doorway; a diagonal one may pass beside it.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.planning.legs import Leg
 from qualrl.qualitative.graph import crossings_of
 from qualrl.spatial.occupancy_grid import Cell
 from qualrl.spatial.region_map import Doorway, RegionMap
@@ -35,6 +38,11 @@ def doors_of_moves(model: HybridMDP, regions: RegionMap, states: NDArray[np.int6
 def door_taken(model: HybridMDP, regions: RegionMap, last: int, first: int) -> Doorway:
     """The same for one step."""
     return regions.doorways[int(doors_passed(model, regions, np.array([last]), np.array([first]))[0])]
+
+
+def doors_between(model: HybridMDP, regions: RegionMap, walk: Sequence[int], legs: Sequence[Leg]) -> list[Doorway]:
+    """The doorways between the legs of a walk."""
+    return [door_taken(model, regions, walk[leg.first - 1], walk[leg.first]) for leg in legs[1:]]
 
 
 def doorway_passed(regions: RegionMap, here: Cell, there: Cell) -> Doorway:
