@@ -50,7 +50,7 @@ def shortest(routes: Routes, goal) -> np.ndarray:
 
 
 @pytest.mark.no_cover
-@pytest.mark.parametrize(("walked", "vast"), [(0, 0), (20_000_000, 0), (20_000_000, 2000), (20_000_000, 10**9)])
+@pytest.mark.parametrize(("walked", "vast"), [(0, 0), (20_000_000, 2000)])
 @pytest.mark.parametrize("style", ["drawn", "furnished", "scanned"])
 def test_ways_on_floor_plans_are_walks_and_hardly_longer(style, walked, vast, monkeypatch):
     monkeypatch.setattr("qualrl.planning.routes.WALKED", walked)
