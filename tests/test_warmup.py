@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 from qualrl.learning.rules import RULES
+from tests.tracing import environment_without
 
 COUNTED = """
 import pkgutil, sys
@@ -13,9 +14,6 @@ from numba.core.dispatcher import Dispatcher
 import qualrl.kernels
 from typer.testing import CliRunner
 from qualrl.commands.main import app
-from tests import tracing
-
-tracing.not_while_numba_compiles()
 
 def compiled():
     names = [module.name for module in pkgutil.iter_modules(qualrl.kernels.__path__)]
@@ -42,6 +40,7 @@ def compiled_later(folder, *calls, warmed="warmed"):
     done = subprocess.run(
         [sys.executable, "-c", COUNTED, str(folder / "out"), warmed, *calls],
         cwd=Path(__file__).parent.parent, capture_output=True, text=True, timeout=600,
+        env=environment_without(),
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     count, later = done.stdout.split(" ", 1)
