@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scipy.optimize import linprog
 
 import qualrl
 from qualrl.errors import ScenarioError, SettingError, UnknownNameError
@@ -16,7 +17,7 @@ from qualrl.qualitative.calculus import algebraic_closure, calculus
 from qualrl.qualitative.checking import check, distance_calculus
 from qualrl.qualitative.conflicts import conflicts, smallest_conflict
 from qualrl.qualitative.statements import CONNECTED, DIRECTIONS, SPELLINGS, Statement, read_statement
-from qualrl.qualitative.whereabouts import is_ordered
+from qualrl.qualitative.whereabouts import AXES, is_ordered
 from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.relations import Relations
 from qualrl.spatial.zones import Zone
@@ -247,6 +248,32 @@ def test_points_can_be_ordered_where_algebraic_closure_says_so(orders):
     assert is_ordered(5, orders) == (algebraic_closure(point, 5, said) is not None)
 
 
+STRAIGHT = st.sampled_from([(way, axis) for axis, ways in enumerate(AXES) for way in ways])
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.lists(st.tuples(st.permutations("abc"), STRAIGHT, st.booleans()), min_size=1, max_size=6))
+def test_straight_directions_clash_where_no_numbers_fit_them(said):
+    """Numbers for the four cells that count of each place, by linear programming."""
+    claims = [Statement("claim", *names[:1], f"{way} of", names[1], denied) for names, (way, _), denied in said]
+    fits = []
+    for axis in range(len(AXES)):
+        rows = [("abc".index(of), at, "abc".index(of), at + 1, 0) for of in "abc" for at in range(3)]
+        for (one, other, _), (way, along), denied in said:
+            if along != axis:
+                continue
+            here, there = "abc".index(one), "abc".index(other)
+            below = (here, 2, there, 0) if way == AXES[axis][0] else (there, 3, here, 1)
+            rows.append((*below[2:], *below[:2], 0) if denied else (*below, 1))
+        matrix = np.zeros((len(rows), 12))
+        for at, (low, low_cell, high, high_cell, _) in enumerate(rows):
+            matrix[at, 4 * low + low_cell] += 1
+            matrix[at, 4 * high + high_cell] -= 1
+        less = [-float(row[-1]) for row in rows]
+        fits.append(linprog(np.zeros(12), matrix, less, bounds=(None, None)).status == 0)
+    assert bool(check(NOWHERE, claims, CUTS).clashes) is not all(fits)
+
+
 @settings(deadline=None, max_examples=100)
 @given(
     MAPS_OF_EIGHT,
@@ -374,7 +401,14 @@ def read(*texts):
         (["a connected to b", "b not connected to a"], (0, 1), "words"),
         (["a connected to b", "b not connected to a by door 1"], None, ""),
         (["a connected to b by door 1", "b not connected to a"], (0, 1), "words"),
-        (["a north-east of b", "a not east of b"], (0, 1), "words"),
+        (["a north-east of b", "a not east of b"], (0, 1), "directions"),
+        (["a north of b", "b north of c", "a not north of c"], (0, 1, 2), "directions"),
+        (["a not north of b", "c inside b", "a north of c"], None, ""),
+        (["a not north of b", "b inside c", "a north of c"], (0, 1, 2), "directions and touching"),
+        (["a the same as b", "a west of c", "b not west of c"], (0, 1, 2), "directions and touching"),
+        (["a north-east of b", "a not north-east of b"], (0, 1), "words"),
+        (["a connected to c", "a the same as b", "b not connected to c"], (0, 1, 2), "words"),
+        (["a connected to c", "a not the same as b", "b not connected to c"], None, ""),
         (["a north of b", "a east of b", "a not north-east of b"], None, ""),
         (["a connected to b", "a apart from b"], (0, 1), "touching"),
         (["a near b", "b near c", "a far from c"], (0, 1, 2), "distances"),

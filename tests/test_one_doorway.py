@@ -126,6 +126,37 @@ def sweeps_through(model, region, door):
     return values
 
 
+def can_leave(model, region, door):
+    """States of a region from which a way leads out by a doorway, not over the goal; door None: a way to the goal."""
+    world, graph = model.grid, nx.DiGraph([("out", "out")])
+    within = {int(state) for state in np.flatnonzero(model.region_of == region)}
+    for state in within - {world.goal} if door is not None else within:
+        graph.add_edges_from((int(to), state) for to in world.successor[state] if int(to) in within - {world.goal})
+    if door is None:
+        graph.add_edges_from(("out", state) for state in within if world.goal in world.successor[state])
+    else:
+        ends = [tuple(int(world.state_of[cell]) for cell in pair) for pair in crossings_of(model.regions, door)]
+        inner = [pair[0] if pair[0] in within else pair[1] for pair in ends]
+        outer = [pair[1] if pair[0] in within else pair[0] for pair in ends]
+        graph.add_edges_from(
+            ("out", state)
+            for state, to in zip(inner, outer, strict=True)
+            if state != world.goal and world.steps_to_goal[to] >= 0
+        )
+    return nx.descendants(graph, "out")
+
+
+def test_no_doorway_that_only_the_goal_leads_to_is_a_way_out():
+    """Its value once was that of never arriving, or did not settle."""
+    puzzle = qualrl.load_scenario("puzzle").regions()
+    model = qualrl.build(puzzle, [2, 6], start=[11, 1], gamma=0.9, slip=0.1)
+    answer = robust(model, slip=(0.1, 0.2))
+    assert list(answer.worth) == ["staying in corridor 1"]
+    for gamma in (0.9, 0.999999):
+        model = qualrl.build(puzzle, [2, 6], start=[11, 1], gamma=gamma, slip=0.1, directions=8)
+        assert qualrl.plan(model, exact=True).path[-1] == model.cell_of(model.grid.goal)
+
+
 @settings(deadline=None, max_examples=60)
 @given(models(motions=((4, 0.0), (4, 0.2))), st.data())
 def test_values_are_those_of_sweeps_over_the_region(model, data):
@@ -137,6 +168,8 @@ def test_values_are_those_of_sweeps_over_the_region(model, data):
     room = Room.of(model, model.regions, np.flatnonzero(model.region_of == region)).left_by(door)
     found = room.values(exact.shifted, exact.shift, model.grid.slip)
     expected, away = sweeps_through(model, region, door)[room.inside], room.inside != model.grid.goal
+    leaves = [state in can_leave(model, region, door) for state in room.inside[away].tolist()]
+    np.testing.assert_array_equal(np.isfinite(found[away]), leaves)
     np.testing.assert_allclose(np.where(np.isfinite(found), found, 0.0)[away] - exact.shift, expected[away], atol=1e-5)
 
 

@@ -117,6 +117,19 @@ def test_rewards_influence_slippery_plans_as_signs_alone_say():
     assert all("undecided: moves slip" in of.in_words(Depth.NUMBERS) for of in answer.influences[2:])
 
 
+@pytest.mark.parametrize(("steps", "goal_reward"), [(1, 1.0), (1, -1.0), (2, 0.1), (2, -0.5), (5, 50.0), (5, 0.0)])
+def test_gamma_influences_slippery_plans_as_signs_say_even_right_before_the_goal(steps, goal_reward):
+    made = {"start": [2, 6 - steps], "slip": 0.3, "goal_reward": goal_reward}
+    of = {of.of: of for of in qualrl.questions.signs(qualrl.build(REGIONS, [2, 6], gamma=0.9, **made)).influences}
+    changes = []
+    for gamma in (0.5, 0.9, 0.99):
+        values = [exact_values(qualrl.build(REGIONS, [2, 6], gamma=gamma + by, **made).world) for by in (0.0, 1e-6)]
+        state = qualrl.build(REGIONS, [2, 6], gamma=gamma, **made).start
+        changes.append(Sign.of(values[1].value[state] - values[0].value[state]))
+    assert of["gamma"].by_signs == Sign.UNKNOWN or {of["gamma"].by_signs} == {*changes}
+    assert of["gamma"].by_signs == (Sign.UNKNOWN if goal_reward > 0 else Sign.MINUS)
+
+
 def test_the_command_answers(tmp_path):
     draw(tmp_path, "loop", LOOP)
     (tmp_path / "loop.scenario.yaml").write_text("map: loop.yaml\nstart: [2, 2]\ngoal: [2, 24]\n")

@@ -171,6 +171,8 @@ def _of_doors(model: HybridMDP, walk: Sequence[int], way: Way) -> Iterator[Influ
 def _of_gamma(of: Course, slips: bool) -> Influence:
     """The sign of dV / dgamma: with N = (1 - gamma) * V, that of (1 - gamma) * N' + N."""
     signs = [Sign.of(stretch.reward) for at, stretch in enumerate(of.stretches) if at or stretch.steps > 1]
+    if slips:  # any step may be followed by more, whose reward is below 0, and the goal's may come later
+        signs = [Sign.MINUS, Sign.of(of.stretches[-1].reward)]
     by_signs = sign_of_sum(signs)
     because = f"later rewards {', '.join(dict.fromkeys(signs)) or 'none'}"
     exact = sign_intervals(_whole(_slope(of))) if by_signs == Sign.UNKNOWN and not slips else None

@@ -77,6 +77,8 @@ class Room:
         else:
             number = [of.name for of in self.regions.doorways].index(door.name)
             out = (self.door_of == number) & (self.world.steps_to_goal[self.target] >= 0)
+        at_goal = self.inside == self.world.goal
+        out[at_goal] = False  # no way leads over the goal
         n, n_actions = self.target.shape
         own = np.arange(n)[:, None]
         stays = (self.door_of >= 0) | (self.target == self.world.goal)
@@ -85,6 +87,7 @@ class Room:
         position[out] = n + np.searchsorted(beyond, self.target[out])
         back = np.tile(np.arange(n, n + len(beyond))[:, None], n_actions)
         self._lead_back(beyond, back, np.nonzero(out)[0], position[out])
+        position[at_goal] = own[at_goal]
         return OneDoorway(self.world, self.inside, beyond, np.concatenate([position, back]).astype(np.uint32))
 
     def _lead_back(

@@ -16,7 +16,7 @@ from qualrl.errors import QualrlError, SettingError, UnknownNameError, did_you_m
 from qualrl.qualitative.calculus import Calculus, Relation, algebraic_closure, calculus
 from qualrl.qualitative.conflicts import Numbers, conflicts
 from qualrl.qualitative.statements import CONNECTED, Statement
-from qualrl.qualitative.whereabouts import consistency, tells
+from qualrl.qualitative.whereabouts import SAME, consistency, tells
 from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.relations import HALF, Relations
 from qualrl.spatial.topology import RCC8_WORDS
@@ -224,9 +224,21 @@ def _consistency(
 
 def _contradicts(statements: Sequence[Statement]) -> bool:
     """Whether one says outright what another denies: of directions and doorways no calculus knows the opposite."""
+    of = _one_name_for_the_same(statements)
     asserted = {claim for one in statements if not one.negated for claim in _asserted(one)}
-    denied = {(one.relation, *one.names, one.doorway) for one in statements if one.negated}
-    return bool(asserted & denied)
+    told = {(relation, of[one], of[other], door) for relation, one, other, door in asserted}
+    denied = {(one.relation, *(of[name] for name in one.names), one.doorway) for one in statements if one.negated}
+    return bool(told & denied)
+
+
+def _one_name_for_the_same(statements: Sequence[Statement]) -> dict[str, str]:
+    """By name, one of all names that the same place goes by, as far as that is said."""
+    of = {name: name for one in statements for name in one.names}
+    for one in statements:
+        if one.relation == SAME and not one.negated:
+            kept, gone = (of[name] for name in one.names)
+            of = {name: kept if known == gone else known for name, known in of.items()}
+    return of
 
 
 def _asserted(of: Statement) -> list[tuple[str, str, str, str | None]]:

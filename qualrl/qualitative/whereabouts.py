@@ -1,8 +1,9 @@
 """Whether places can lie where statements say: directions, and what is inside what, taken together.
 
-Along each axis (east, north) a place has three points: where its cells begin, their median, where they end.  More than
-half of a place lies beyond a side of another one: then its median does; what lies inside another place begins and ends
-no further out.  Such statements, and the map's places, say of points that one is less than another, or no more.  Of the
+Along each axis (east, north) a place has four points: where its cells begin, the two in their middle (of an odd number
+the same), where they end.  More than half of a place lies beyond a side of another one: just then both in the middle
+do, so that a straight direction that is denied says of points, too, which is no more than which; what lies inside
+another place begins and ends no further out.  Such statements, and the map's places, say no more than that.  Of the
 calculus of points that is a part in which algebraic closure comes down to this: they clash where they lead in a circle
 with a "less" in it.  Tiles are looked at, too: of what is inside a region on the map nothing can lie in a tile that the
 region has no cell in, and all of it does where all of the region does.
@@ -19,14 +20,13 @@ from qualrl.qualitative.conflicts import Numbers
 from qualrl.qualitative.statements import Statement
 from qualrl.spatial.relations import HALF, Relations
 
-BEGIN, MEDIAN, END = range(3)
-POINTS = (BEGIN, MEDIAN, END)
+POINTS = BEGIN, LOWER, UPPER, END = tuple(range(4))
 AXES = (("west", "east"), ("south", "north"))
 """Directions in which coordinates fall, and grow."""
 WITHIN, HOLDING, SAME, OVERLAPS = "inside", "contains", "the same as", "overlaps"
 
 Order = tuple[int, int, bool]
-"""Two points, the first no more than the second; and whether it is less.  A place's points are three times its number
+"""Two points, the first no more than the second; and whether it is less.  A place's points are four times its number
 and one of POINTS."""
 
 
@@ -45,7 +45,7 @@ def consistency(statements: Sequence[Statement], relations: Relations | None) ->
 
     def is_consistent(chosen: Numbers) -> bool:
         for shown, told in zip(facts, said, strict=True):
-            if not is_ordered(3 * len(names), shown + [order for at in chosen for order in told[at]]):
+            if not is_ordered(len(POINTS) * len(names), shown + [order for at in chosen for order in told[at]]):
                 return False
         return relations is None or _fit_tiles([statements[at] for at in chosen], known, relations)
 
@@ -64,17 +64,18 @@ def is_ordered(points: int, orders: Sequence[Order]) -> bool:
 
 def _orders(of: Statement, number: dict[str, int], axis: int) -> list[Order]:
     """What a statement says of the points of its two places along an axis."""
-    one, other = (3 * number[name] for name in of.names)
-    if of.negated:
-        return []
+    one, other = (len(POINTS) * number[name] for name in of.names)
+    if of.direction is not None and of.negated:  # of a corner it may be either side that it does not lie beyond
+        falling, growing = (way == of.direction for way in AXES[axis])
+        return [(one + LOWER, other + END, False)] * growing + [(other + BEGIN, one + UPPER, False)] * falling
     if of.direction is not None:
         falling, growing = (way in of.direction.split("-") for way in AXES[axis])
-        return [(other + END, one + MEDIAN, True)] * growing + [(one + MEDIAN, other + BEGIN, True)] * falling
+        return [(other + END, one + LOWER, True)] * growing + [(one + UPPER, other + BEGIN, True)] * falling
     within = [(other + BEGIN, one + BEGIN, False), (one + END, other + END, False)]
     holding = [(one + BEGIN, other + BEGIN, False), (other + END, one + END, False)]
-    medians = [(one + MEDIAN, other + MEDIAN, False), (other + MEDIAN, one + MEDIAN, False)]
+    middles = [(a + at, b + at, False) for a, b in ((one, other), (other, one)) for at in (LOWER, UPPER)]
     return {
-        WITHIN: within, HOLDING: holding, SAME: within + holding + medians,
+        WITHIN: within, HOLDING: holding, SAME: within + holding + middles,
         OVERLAPS: [(one + BEGIN, other + END, False), (other + BEGIN, one + END, False)],
     }[of.relation]  # fmt: skip
 
@@ -84,12 +85,11 @@ def _facts(
 ) -> Iterator[Order]:  # fmt: skip
     """The order of the points of each place, and of all points of the places on the map, along an axis."""
     for at in number.values():
-        yield 3 * at + BEGIN, 3 * at + MEDIAN, False
-        yield 3 * at + MEDIAN, 3 * at + END, False
+        yield from ((len(POINTS) * at + low, len(POINTS) * at + high, False) for low, high in pairwise(POINTS))
     if relations is None:
         return
     places = sorted(
-        (where, 3 * number[name] + at)
+        (where, len(POINTS) * number[name] + at)
         for name in known for at, where in zip(POINTS, relations.extent(name, axis), strict=True)
     )  # fmt: skip
     for (where, one), (there, other) in pairwise(places):

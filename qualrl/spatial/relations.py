@@ -78,10 +78,14 @@ class Relations:
         beyond = [direction in (tile, *tile.split("-")) for tile in TILES]
         return float(counts[beyond].sum() / counts.sum())
 
-    def extent(self, of: str, axis: int) -> tuple[float, float, float]:
-        """Where a place's cells begin, their median, and where they end; axis: 0 to the east, 1 to the north."""
-        low, high = self._boxes[self.number(of), 2 * axis : 2 * axis + 2].tolist()
-        return low, self.middle(of)[axis], high
+    def extent(self, of: str, axis: int) -> tuple[float, float, float, float]:
+        """Along an axis (0 to the east, 1 to the north): the first, the two in the middle, and the last of its cells.
+
+        Of an odd number of cells there is one in the middle, which is told twice.
+        """
+        along = self._coordinates[self.number(of)][axis]
+        first, lower, upper, last = np.sort(along)[[0, (len(along) - 1) // 2, len(along) // 2, -1]].tolist()
+        return first, lower, upper, last
 
     def middle(self, of: str) -> tuple[float, float]:
         """The median of a place's cells east, and that north."""
