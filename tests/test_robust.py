@@ -412,7 +412,7 @@ def test_the_command_answers_and_refuses(tmp_path):
     ways = document["ways"]
     for number, way in enumerate(ways, 1):
         line = next(line for line in said if line.startswith(f"Way {number}: "))
-        assert f"{' -> '.join(way['places'])} ({way['steps']} steps" in line
+        assert f"{' -> '.join(way['places'])} ({way['steps']} step{'s' * (way['steps'] != 1)}," in line
         assert f"worth {between(way['least'], way['most'])}" in line
     assert (
         f"Best in the worst case: way {document['safest']}, worth at least {max(way['least'] for way in ways):.6g}."

@@ -114,7 +114,9 @@ def test_the_answer_says_what_its_fields_hold(tmp_path):
             assert line == f"{loss['name']}: every way to the goal passes it"
         else:
             assert line.startswith(f"{loss['name']}: {loss['loss']:.3g} is lost without it")
-            assert (f"{loss['longer_steps']} steps longer" in line) == (loss["longer_steps"] > 0)
+            assert (f"{loss['longer_steps']} step{'s' * (loss['longer_steps'] != 1)} longer" in line) == (
+                loss["longer_steps"] > 0
+            )
     assert sentences[-1].endswith(": " + ", ".join(document["cut"]) + ".")
     assert any(loss["loss"] for loss in document["losses"])
 

@@ -17,6 +17,7 @@ from qualrl.answers.ways import course
 from qualrl.kernels.grid import breadth_first
 from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.crossings import door_taken
+from qualrl.planning.plan import in_steps
 from qualrl.planning.planner import exact_walk
 from qualrl.qualitative.break_even import BreakEven
 from qualrl.qualitative.plan_value import Chance, Contrast, contrast
@@ -82,7 +83,7 @@ class Trying:
             opened, closed = (_beside_round(of) for of in more)
         return (
             f"is worth {opened} if it is, {closed} if it is not "
-            f"({self.break_even.closed.steps} steps); going round at once, {around}"
+            f"({in_steps(self.break_even.closed.steps)}); going round at once, {around}"
         )
 
     def _signs(self) -> str:

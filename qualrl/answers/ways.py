@@ -14,6 +14,7 @@ from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.crossings import doors_between
 from qualrl.planning.legs import legs_of
 from qualrl.planning.on_the_way import SIDES, passages, seen_on_stretches
+from qualrl.planning.plan import in_steps
 from qualrl.planning.planner import length_m
 from qualrl.qualitative.plan_value import Course, course_of
 from qualrl.solving.exact import OFF, off_of
@@ -90,7 +91,7 @@ class Way:
     def in_words(self, depth: Depth) -> str:
         """Places, length and doorways."""
         *doors, goal = self._ends(depth)
-        length = depth.at_numbers(f"{self.steps} steps, {self.length_m:.2f} m")
+        length = depth.at_numbers(f"{in_steps(self.steps)}, {self.length_m:.2f} m")
         told = " ".join(part for part in (length, f"by {', '.join(doors)}" if doors else "") if part)
         told = ", ".join(part for part in (told, goal if self.turns[-1] else "") if part)
         return " -> ".join(self.places) + (f" ({told})" if told else "")
@@ -214,7 +215,7 @@ def longer(way: Way, other: Way, depth: Depth) -> str:
     if depth == Depth.NUMBERS and steps == 0 and abs(far_m) < SHORTEST_TOLD_M:
         return "just as long"
     if depth == Depth.NUMBERS:
-        return f"{_more(steps, 'steps')} and {_more(far_m, 'm', 2)}"
+        return f"{_more(steps, 'step' if abs(steps) == 1 else 'steps')} and {_more(far_m, 'm', 2)}"
     far = in_sign(far_m, other.length_m, LENGTHS)
     walked = in_sign(steps, other.steps, STEPS)
     return f"it is {far}" if LENGTHS.index(far) == STEPS.index(walked) else f"it is {far}, with {walked}"

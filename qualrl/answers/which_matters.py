@@ -15,6 +15,7 @@ from qualrl.answers.ways import Worth, worth_of
 from qualrl.errors import SettingError
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
+from qualrl.planning.plan import in_steps
 from qualrl.planning.planner import exact_walk
 from qualrl.qualitative.graph import crossings_of
 from qualrl.solving.exact import exact_values
@@ -39,7 +40,7 @@ class Loss:
             return f"{self.name}: every way to the goal passes it"
         if depth == Depth.NAMES:
             return f"{self.name}: without it another way is left"
-        longer = f"{depth.at_numbers(f'{self.longer_steps} steps ')}longer" if self.longer_steps else "not longer"
+        longer = f"{depth.at_numbers(f'{in_steps(self.longer_steps)} ')}longer" if self.longer_steps else "not longer"
         if depth == Depth.NUMBERS:
             return f"{self.name}: {self.loss:.3g} is lost without it; the shortest way is {longer} then"
         felt = ("something is gained", "nothing is lost", "something is lost")[1 + int(np.sign(self.loss))]

@@ -13,7 +13,7 @@ from qualrl.io.output_folder import OutputFolder
 from qualrl.io.scenario import Scenario, dump_scenario
 from qualrl.io.training_file import write_run
 from qualrl.models.hybrid_mdp import HybridMDP
-from qualrl.planning.plan import Plan
+from qualrl.planning.plan import Plan, in_steps
 
 if TYPE_CHECKING:
     from qualrl.report.sheet import Size
@@ -74,5 +74,5 @@ def write_plan(folder: OutputFolder, plan: Plan) -> str:
 def _title(plan: Plan | None) -> str:
     if plan is None:
         return ""
-    length = f"{plan.length_steps} steps" + ("" if plan.length_m is None else f", {plan.length_m:.2f} m")
+    length = in_steps(plan.length_steps) + ("" if plan.length_m is None else f", {plan.length_m:.2f} m")
     return f"{' → '.join(plan.places)}   ({length})"

@@ -6,6 +6,7 @@ import typer
 
 from qualrl.commands.console import Console, guarded
 from qualrl.commands.options import PLACE, AsJson, Debug, Quiet, Resolution, RobotRadius, ScenarioOrMap
+from qualrl.planning.plan import in_steps
 
 if TYPE_CHECKING:
     from qualrl.planning.routes import Route
@@ -41,7 +42,7 @@ def _document(found: "Route") -> dict[str, Any]:
 
 def _print(found: "Route", ends: tuple[str, str]) -> None:
     """The way from region to region."""
-    print(f"from {ends[0]} to {ends[1]}: {found.steps} steps, {found.length_m:.2f} m")
+    print(f"from {ends[0]} to {ends[1]}: {in_steps(found.steps)}, {found.length_m:.2f} m")
     print(f"  in {found.regions[0]}")
     for door, region in zip(found.doors, found.regions[1:], strict=True):
         print(f"  through {door} into {region}")

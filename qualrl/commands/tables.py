@@ -10,7 +10,7 @@ from rich.text import Text
 from qualrl.learning.growth import Growth
 from qualrl.learning.recovery import Recovery
 from qualrl.learning.run import LearningRun
-from qualrl.planning.plan import Plan
+from qualrl.planning.plan import Plan, in_steps
 from qualrl.spatial.region_map import RegionMap
 
 MOST_ROWS = 40
@@ -114,14 +114,15 @@ def _print_rest(out: PipedConsole, count: int, what: str) -> None:
 
 def print_learning(run: LearningRun) -> None:
     """How a run went, beside the optimum."""
-    learned = "does not reach the goal yet" if run.greedy_steps is None else f"{run.greedy_steps} steps"
+    learned = "does not reach the goal yet" if run.greedy_steps is None else in_steps(run.greedy_steps)
     lines = [
         f"{run.algorithm}: {len(run.steps)} episodes with seed {run.seed}, "
         f"{run.total_steps:,} steps in {run.seconds:.1f} s"
     ]
     if run.model.start is not None:
         if run.chooses:
-            lines.append(f"learned policy: {learned}; optimum: {run.optimal_steps} steps")
+            optimum = "no way" if run.optimal_steps is None else in_steps(run.optimal_steps)
+            lines.append(f"learned policy: {learned}; optimum: {optimum}")
         learned_value, exact = run.q[run.model.start].max(), run.exact_values[run.model.start]
         lines.append(f"value of the start: {learned_value:.6g} learned, {exact:.6g} exact")
     lines.append(f"largest error of any state's value, those hardly visited included: {run.max_error:.4g}")
@@ -158,7 +159,7 @@ def _print_growth(out: PipedConsole, growth: Growth) -> None:
 
 def _beside(run: LearningRun, knew: LearningRun) -> str:
     def told(of: LearningRun) -> str:
-        policy = "none to the goal" if of.greedy_steps is None else f"{of.greedy_steps} steps"
+        policy = "none to the goal" if of.greedy_steps is None else in_steps(of.greedy_steps)
         return f"first episode {of.steps[0]:,} steps, all {of.total_steps:,} in {of.seconds:.1f} s, policy {policy}"
 
     return f"without the map: {told(run)}\nknowing the map: {told(knew)}"

@@ -13,6 +13,15 @@ MOST_PASSED = 5
 """So many landmarks of a step are named in words; JSON has all."""
 
 
+def in_steps(count: int) -> str:
+    """A number of steps in words.
+
+    >>> in_steps(1), in_steps(20)
+    ('1 step', '20 steps')
+    """
+    return f"{count} step{'' if count == 1 else 's'}"
+
+
 @dataclass(frozen=True)
 class Step:
     """One qualitative action of a plan, and the numbers that its reason stands on."""
@@ -96,7 +105,7 @@ class Plan:
 
     def explain(self) -> str:
         """The plan in words, a line a step."""
-        length = f"{self.length_steps} steps" + ("" if self.length_m is None else f", {self.length_m:.2f} m")
+        length = in_steps(self.length_steps) + ("" if self.length_m is None else f", {self.length_m:.2f} m")
         lines = [f"From {self.start} to {self.goal}: {' -> '.join(self.places)} ({length})."]
         lines += [f"{number}. {step.in_words()}" for number, step in enumerate(self.steps, 1)]
         return "\n".join([*lines, *self.notes])
