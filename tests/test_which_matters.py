@@ -10,9 +10,13 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import qualrl
+from qualrl.answers import which_matters
 from qualrl.errors import NoPlanError, SettingError
 from qualrl.models.tabular_mdp import TabularMDP
+from qualrl.solving.exact import exact_values
+from qualrl.spatial.occupancy_grid import OccupancyGrid
 from tests.command_here import qualrl as qualrl_command
+from tests.room_grids import room_grid
 from tests.test_commands import draw
 from tests.test_planning import LOOP
 from tests.worlds import grid_of
@@ -100,6 +104,40 @@ def test_slips_and_diagonals_are_reckoned_with(regions, slip, directions):
             assert told[door.name] is None
             continue
         assert told.get(door.name, 0.0) == pytest.approx(max(now - left, 0.0), abs=1e-6)
+
+
+def solved_and_told(model, most_steps):
+    """How many worlds are solved for an answer, and the answer; most_steps: that are looked at beforehand."""
+    solved = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(which_matters, "exact_values", lambda world: solved.append(world) or exact_values(world))
+        patch.setattr(which_matters, "MOST_STEPS", most_steps)
+        told = qualrl.questions.which_matters(model).to_dict()
+    return len(solved), told
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(0, 50), st.sampled_from([0.05, 0.3, 0.6]), st.sampled_from([4, 8]), st.sampled_from([0.9, 0.99]))
+def test_the_same_is_told_as_where_each_changed_world_is_solved(seed, slip, directions, gamma):
+    free, _ = room_grid(seed, 4, 7)
+    rooms = qualrl.segment(OccupancyGrid.from_free(free))
+    start, goal = np.random.default_rng(seed).choice(np.argwhere(rooms.label >= 0), 2, replace=False).tolist()
+    model = qualrl.build(rooms, goal, start=start, gamma=gamma, slip=slip, directions=directions)
+    assume(model.can_reach[model.start])
+    fewer, told = solved_and_told(model, 5000)
+    every, expected = solved_and_told(model, 0)
+    assert fewer <= every
+    assert told == expected
+
+
+def test_what_hardly_ever_happens_is_not_solved():
+    free, _ = room_grid(0, 4, 12)
+    rooms = qualrl.segment(OccupancyGrid.from_free(free))
+    model = qualrl.build(rooms, [2, 2], start=[2, 15], gamma=0.99, slip=0.05)
+    fewer, told = solved_and_told(model, 5000)
+    every, expected = solved_and_told(model, 0)
+    assert told == expected
+    assert fewer < every / 3
 
 
 def test_the_answer_says_what_its_fields_hold(tmp_path):

@@ -46,22 +46,35 @@ def account_of_policy(
     the policy does not end at the goal in a million steps.
     """
     world = model.grid
-    chance = np.full((world.n_actions, world.n_actions), world.slip / (world.n_actions - 1))
-    np.fill_diagonal(chance, 1.0 - world.slip)
-    chances = chance[moves]
     ends = state_of[successor] == world.goal
-    visits = _visits(np.where(ends, -1, successor), chances, world.gamma, start)
-    rewards = np.where(ends, world.goal_reward, world.move_reward)
-    earned = visits[:, None] * chances * rewards
+    made = moves_made(world, successor, moves, ends, start)
+    earned = made * np.where(ends, world.goal_reward, world.move_reward)
     region = model.region_of[state_of]
     booked: dict[tuple[str, str], float] = {}
-    for at in np.unique(region[visits > 0]).tolist():
+    for at in np.unique(region[made.any(axis=1)]).tolist():
         here = region == at
         for kind, share in _by_kind(world, earned[here], ends[here]).items():
             if abs(share) > TINY:
                 key = _place(model, world.goal if kind == GOAL else int(state_of[here][0])), kind
                 booked[key] = booked.get(key, 0.0) + share
     return booked
+
+
+def moves_made(
+    world: GridWorld, successor: NDArray[np.integer], moves: NDArray[np.integer], ends: NDArray[np.bool_], start: int,
+    most_steps: int = MOST_STEPS,
+) -> NDArray[np.float64]:  # fmt: skip
+    """(N, A) how often, discounted, each move happens in each state on the way of a policy; all but LEFT of it.
+
+    successor (N, A); moves (N,) what the policy aims at; ends (N, A) which moves reach the goal.  Raises SettingError
+    where more steps than ``most_steps`` have to be looked at.
+    """
+    chance = np.full((world.n_actions, world.n_actions), world.slip / (world.n_actions - 1))
+    np.fill_diagonal(chance, 1.0 - world.slip)
+    chances = chance[moves]
+    onward = np.where(ends, -1, successor.astype(np.int64))
+    made: NDArray[np.float64] = _visits(onward, chances, world.gamma, start, most_steps)[:, None] * chances
+    return made
 
 
 def _by_kind(world: GridWorld, earned: NDArray[np.float64], ends: NDArray[np.bool_]) -> dict[str, float]:
@@ -74,7 +87,7 @@ def _by_kind(world: GridWorld, earned: NDArray[np.float64], ends: NDArray[np.boo
 
 
 def _visits(
-    successor: NDArray[np.int64], chances: NDArray[np.float64], gamma: float, start: int
+    successor: NDArray[np.int64], chances: NDArray[np.float64], gamma: float, start: int, most_steps: int
 ) -> NDArray[np.float64]:
     """(N,) discounted number of times that a walk of chance is in each state; -1 for the end."""
     n = len(successor)
@@ -84,13 +97,13 @@ def _visits(
     at = np.zeros(n)
     at[start] = 1.0
     visits, discount = at.copy(), 1.0
-    for _ in range(MOST_STEPS):
+    for _ in range(most_steps):
         at = np.asarray(onward @ at)
         discount *= gamma
         visits += discount * at
         if discount * at.sum() < LEFT:
             return visits
-    raise SettingError(f"at gamma {gamma:g} and so many slips the way takes over {MOST_STEPS} steps: no account of it")
+    raise SettingError(f"at gamma {gamma:g} and so many slips the way takes over {most_steps} steps: no account of it")
 
 
 def _kind(world: GridWorld, move: int, is_end: bool) -> str:

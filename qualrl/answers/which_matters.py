@@ -8,7 +8,9 @@ from typing import Any
 
 import networkx as nx
 import numpy as np
+from numpy.typing import NDArray
 
+from qualrl.answers.account import LEFT, moves_made
 from qualrl.answers.answer import Answer
 from qualrl.answers.depth import Depth
 from qualrl.answers.ways import Worth, worth_of
@@ -18,8 +20,11 @@ from qualrl.models.hybrid_mdp import HybridMDP
 from qualrl.planning.plan import in_steps
 from qualrl.planning.planner import exact_walk
 from qualrl.qualitative.graph import crossings_of
-from qualrl.solving.exact import exact_values
+from qualrl.solving.exact import ExactValues, all_action_values, exact_values
 from qualrl.spatial.region_map import Doorway, RegionMap
+
+MOST_STEPS = 5000
+"""Steps that are looked at to find what the best way hardly ever does."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +119,8 @@ def which_matters(model: HybridMDP, start: int, names: tuple[str, str]) -> Which
     for region in regions:
         its_doors = [door for door in model.regions.doorways if region in door.pair]
         closings.append((model.region_names[region], "region", its_doors))
-    losses = [_loss(model, model.regions, start, now, *closing) for closing in closings]
+    made = _moves_made(model, exact, start) if model.grid.slip else None
+    losses = [_loss(model, model.regions, start, now, made, *closing) for closing in closings]
     felt = [loss for loss in losses if loss.loss is None or loss.longer_steps or loss.loss > 0]
     felt.sort(key=lambda loss: (loss.loss is not None, -(loss.loss or 0.0), loss.kind, loss.name))
     return WhichMatters(
@@ -139,16 +145,36 @@ def _passed(model: HybridMDP, regions: RegionMap, walk: Sequence[int]) -> tuple[
     return tuple(door for door in regions.doorways if frozenset(door.pair) in pairs)
 
 
+def _moves_made(model: HybridMDP, exact: ExactValues, start: int) -> NDArray[np.float64]:
+    """(S, A) how often, discounted, each move happens on the best way; infinite where that takes long to find out."""
+    world = model.grid
+    aims = all_action_values(world, exact.shifted, exact.shift).argmax(axis=1)
+    try:
+        return moves_made(world, world.successor, aims, world.successor == world.goal, start, MOST_STEPS)
+    except SettingError:
+        return np.full(world.successor.shape, np.inf)
+
+
 def _loss(
-    model: HybridMDP, regions: RegionMap, start: int, now: Worth, name: str, kind: str,
-    doors: Sequence[Doorway],
+    model: HybridMDP, regions: RegionMap, start: int, now: Worth, made: NDArray[np.float64] | None, name: str,
+    kind: str, doors: Sequence[Doorway],
 ) -> Loss:  # fmt: skip
+    """made: see ``_moves_made``.
+
+    Whoever goes on as before until a move is stopped that now leads nowhere, and is best from there on, loses no more
+    than all that can be had times how often, discounted, such a move is made.  Where that cannot be told from nothing
+    (something may be gained, which is not told) and the shortest way is as long, the changed world need not be solved.
+    """
     walls = [wall for door in doors for wall in crossings_of(regions, door)]
     world: GridWorld = replace(model.grid, closed=(*model.grid.closed, *walls))
     if world.steps_to_goal[start] < 0:
         return Loss(name, kind, None, None)
-    left = exact_values(world)
     longer = int(world.steps_to_goal[start]) - int(model.grid.steps_to_goal[start])
+    if made is not None and not longer:
+        stopped = float(made[world.successor != model.grid.successor].sum())
+        if (stopped + LEFT) * (abs(world.goal_reward) + 2 * now.shift) <= 2 * now.off:
+            return Loss(name, kind, 0.0, longer)
+    left = exact_values(world)
     return Loss(name, kind, now.beside(worth_of(world, left.shifted[start], left.shift)), longer)
 
 
