@@ -408,6 +408,8 @@ def read(*texts):
         (["a the same as b", "a west of c", "b not west of c"], (0, 1, 2), "directions and touching"),
         (["a north-east of b", "a not north-east of b"], (0, 1), "words"),
         (["a connected to c", "a the same as b", "b not connected to c"], (0, 1, 2), "words"),
+        (["a the same as b", "a north of b", "b not north of a"], (0, 1), "directions and touching"),
+        (["a north of a", "a not north of a"], (0,), "directions"),
         (["a connected to c", "a not the same as b", "b not connected to c"], None, ""),
         (["a north of b", "a east of b", "a not north-east of b"], None, ""),
         (["a connected to b", "a apart from b"], (0, 1), "touching"),

@@ -163,6 +163,38 @@ def test_where_two_ways_are_always_as_good_nothing_is_halved():
     assert (verdict.relation, verdict.tried) == ("undecided", (3, 0, 0))
 
 
+NEARLY_MIRRORED = """
+#########
+#.......#
+#.......#
+##.....##
+#.......#
+#.......#
+#.......#
+#.......#
+#.#####.#
+#.......#
+#..#.#..#
+#.......#
+#.......#
+#.......#
+#.......#
+#.......#
+#########
+"""
+
+
+def test_a_span_that_has_no_middle_is_not_halved():
+    """Its two ends are numbers next to each other; it once was halved for ever."""
+    rooms = qualrl.segment(grid_of(NEARLY_MIRRORED))
+    model = qualrl.build(rooms, [14, 4], start=[2, 4], gamma=0.9999, directions=8)
+    ((verdict,),) = qualrl.questions.robust(model, slip=(0.1, np.nextafter(0.1, 1.0).item())).verdicts.values()
+    assert (verdict.relation, verdict.tried) == ("undecided", (2, 0, 0))
+    alone = qualrl.questions.robust(model, slip=(0.1, 0.1)).explain()
+    assert "even if the probability is another" not in alone
+    assert "of 1 probability tried" in alone
+
+
 def test_a_count_of_slips_is_an_interval():
     model = qualrl.build(REGIONS, [2, 24], start=[2, 2], gamma=GAMMA)
     answer = qualrl.questions.robust(model, slip=Counts(3, 40), confidence=0.9)

@@ -93,7 +93,8 @@ class RobustSlip(Answer):
                 yield f"{_verdicts_in_words(one, other, verdicts, depth)}."
         safest = max(self.worth, key=lambda door: self.worth[door][0])
         worth = depth.at_numbers(f" worth at least {self.worth[safest][0]:.6g}")
-        even = depth.from_signs(f",{worth} even if the probability is another at each step")
+        another = " even if the probability is another at each step" if self.slip[0] < self.slip[1] else ""
+        even = depth.from_signs(f",{worth}{another}" if worth or another else "")
         yield f"Best in the worst case: {safest}{even}."
 
     def _counted(self) -> str:
@@ -129,7 +130,8 @@ def robust_slip(
     check_span("slip (with more of it moves lead less often where they aim at)", span, 0, 1 - 1 / model.grid.n_actions)
     low, high = span
     model.check_reachable(start)
-    ends = dict(zip((low, high, (low + high) / 2), _at_once(model, [low, high, (low + high) / 2]), strict=True))
+    slips = (low, high, _middle(low, high))
+    ends = dict(zip(slips, _at_once(model, slips), strict=True))
     ways = _ways(list(ends.values()), start, most)
     search = _Search(model, start, ways, {slip: worlds.bounds(start, ways) for slip, worlds in ends.items()})
     verdicts = search.verdicts(low, high)
@@ -138,6 +140,10 @@ def robust_slip(
         slip if isinstance(slip, Counts) else None, confidence,
         {way: (search.known[high][way][0], search.known[low][way][1]) for way in ways}, verdicts,
     )  # fmt: skip
+
+
+def _middle(low: float, high: float) -> float:
+    return (low + high) / 2
 
 
 def _stay(region: str) -> str:
@@ -218,12 +224,14 @@ class _Search:
         while open_:
             open_.sort(key=lambda part: part[0] - part[1])
             widest, open_ = open_[:2], open_[2:]
-            halved = [part for part in widest if part[0] < part[1] and self._may_tell(part, finest)]
+            halved = [
+                part for part in widest if part[0] < _middle(*part[:2]) < part[1] and self._may_tell(part, finest)
+            ]
             halved = halved[: max(MOST_SLIPS - len(self.known), 0)]
             done += [part for part in widest if part not in halved]
             self._work_out(halved)
             for low, high, relations in halved:
-                middle = (low + high) / 2
+                middle = _middle(low, high)
                 open_ += [(*half, self._relations(*half, relations)) for half in ((low, middle), (middle, high))]
         done.sort(key=lambda part: part[0])
         return {pair: self._joined(pair, done) for pair in pairs}
@@ -247,7 +255,7 @@ class _Search:
     def _work_out(self, parts: Sequence[Part]) -> None:
         """In the middle of some spans, for the ways that are not told apart in them."""
         asked = {
-            (low + high) / 2: {name for pair, of in relations.items() if of == UNDECIDED for name in pair}
+            _middle(low, high): {name for pair, of in relations.items() if of == UNDECIDED for name in pair}
             for low, high, relations in parts
         }
         missing = [slip for slip in asked if slip not in self.known]
@@ -283,7 +291,8 @@ def _verdicts_in_words(one: str, other: str, verdicts: tuple[Verdict, ...], dept
         return f"Certain: {better[verdicts[0].relation]}, whatever the probability is"
     if len(verdicts) == 1:
         tried, better_one, better_other = verdicts[0].tried
-        at = f"; of {tried} probabilities tried, {one} is better at {better_one}, {other} at {better_other}"
+        slips = f"{tried} probabilit{'y' if tried == 1 else 'ies'}"
+        at = f"; of {slips} tried, {one} is better at {better_one}, {other} at {better_other}"
         return f"Undecided: whether {one} or {other} is better{depth.at_numbers(at)}"
     kinds = {of.relation for of in verdicts} - {UNDECIDED}
     how = "Possible" if len(kinds) > 1 else "Certain"

@@ -14,7 +14,7 @@ from qualrl.planning.choices import Choice, Chooser
 from qualrl.planning.crossings import door_taken
 from qualrl.planning.legs import Leg, legs_of
 from qualrl.planning.on_the_way import passages, seen_on_stretches
-from qualrl.planning.plan import Plan, Step
+from qualrl.planning.plan import Plan, Step, in_steps
 from qualrl.planning.values import PlanValues, exact_plan_values, learned_plan_values
 from qualrl.solving.exact import ExactValues, crossings_to_goal, exact_values, off_of
 from qualrl.solving.policy import ActionValues, greedy_walk
@@ -162,7 +162,7 @@ def _step(
     if following is None:
         value = values.plain(values.shifted[walk[leg.first]]) if len(part) > 1 else 0.0
         reason = (
-            f"the goal is in {place}, {len(part) - 1} steps on, worth {value:.6g}"
+            f"the goal is in {place}, {in_steps(len(part) - 1)} on, worth {value:.6g}"
             if len(part) > 1
             else "this is the goal"
         )

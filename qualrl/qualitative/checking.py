@@ -201,7 +201,8 @@ def _clashes(
         note(aspect.about, of, _consistency(aspect, [statements[at] for at in of], relations))
     if relations is None:
         note("words", numbers, lambda chosen: not _contradicts([statements[numbers[at]] for at in chosen]))
-    return sorted(found.values(), key=lambda clash: (len(clash.members), clash.members))
+    least = [clash for members, clash in found.items() if not any(other < members for other in found)]
+    return sorted(least, key=lambda clash: (len(clash.members), clash.members))
 
 
 def _consistency(
