@@ -191,8 +191,11 @@ class Routes:
         if all(self.regions.regions[region].cells <= VAST for _, region in ends):
             return MOST
         first, last = (routing.End(*cell, region, *(self._by_nearest(region, cell),) * 2) for cell, region in ends)
-        inside = (first.middle + last.middle)[first.middle >= 0] if first.region == last.region else first.middle[:0]
-        return self.graph.on_the_way(first, last, int(inside.min(initial=MOST)), exact=True)[1]
+        most = MOST
+        if first.region == last.region:
+            reached = np.minimum(first.middle, last.middle) >= 0
+            most = int((first.middle + last.middle)[reached].min(initial=MOST))
+        return self.graph.on_the_way(first, last, most, exact=True)[1]
 
     def _by_nearest(self, region: int, cell: Cell) -> Ints:
         """(K,) steps of some walk from a cell of a region to the middles of its gates, by the nearest; -1 if no way."""

@@ -1,12 +1,12 @@
 """Whether places can lie where statements say: directions, and what is inside what, taken together.
 
 Along each axis (east, north) a place has four points: where its cells begin, the two in their middle (of an odd number
-the same), where they end.  More than half of a place lies beyond a side of another one: just then both in the middle
-do, so that a straight direction that is denied says of points, too, which is no more than which; what lies inside
-another place begins and ends no further out.  Such statements, and the map's places, say no more than that.  Of the
-calculus of points that is a part in which algebraic closure comes down to this: they clash where they lead in a circle
-with a "less" in it.  Tiles are looked at, too: of what is inside a region on the map nothing can lie in a tile that the
-region has no cell in, and all of it does where all of the region does.
+the same), where they end.  More than half of a place lies beyond a side of another one where both in its middle do,
+and only there; what lies inside another place begins and ends no further out.  Such statements, straight directions
+that are denied, and the map's places say of points that one is less than another, or no more.  Of the calculus of
+points that is a part in which algebraic closure comes down to this: they clash where they lead in a circle with a
+"less" in it.  Tiles are looked at, too: of what is inside a region on the map nothing can lie in a tile that the region
+has no cell in, and all of it does where all of the region does.
 """
 
 from collections.abc import Callable, Iterator, Sequence
