@@ -9,9 +9,15 @@ Importing the package is light: each name loads what it needs when it is first u
 """
 
 import importlib
+import os
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+# The threads of OpenBLAS, which NumPy and OpenCV each bring along, keep a core busy for 2^26 ticks when they are
+# loaded, and after each product, lest there is more to do: a fifth of a second where there is not.  2^20, half a
+# millisecond, are left to who multiplies matrices.
+os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "20")
 
 if TYPE_CHECKING:
     from qualrl import questions

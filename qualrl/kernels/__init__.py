@@ -2,9 +2,10 @@
 
 numba is started here, once, and without what it would load only to see whether it is there: SciPy, whose version it
 looks at, and coverage, which it would tell of compiled lines if it were asked to by NUMBA_JIT_COVERAGE.  Garbage
-is not looked for then: all that is made is kept.
+is not looked for then: all that is made is kept; nor when the process ends, where nobody would notice.
 """
 
+import atexit
 import gc
 import os
 import sys
@@ -34,3 +35,7 @@ def _out_of_sight(names: tuple[str, ...]) -> Iterator[None]:
 
 with _out_of_sight(LOOKED_FOR):
     import numba  # noqa: F401
+
+from qualrl.kernels.process_end import leave_the_rest  # noqa: E402
+
+atexit.register(leave_the_rest)
