@@ -8,6 +8,7 @@ by less than float64 can hold, W still tells places apart (its relative error is
 from typing import Any
 
 import numpy as np
+from numba import int64, uint64
 
 from qualrl.kernels.jit import compiled
 
@@ -41,6 +42,19 @@ def grid_backup(
 
 
 @compiled
+def number_outward(successor: Any, states: Any, number: Any, near: Any) -> None:
+    """Write the place of each state in ``states`` (S,) to number (S,), and to near (N, A) where moves lead by those.
+
+    successor (S, A); the moves asked for are those of the first N of ``states``.
+    """
+    for i in range(states.size):
+        number[states[i]] = i
+    for i in range(near.shape[0]):
+        for a in range(near.shape[1]):
+            near[i, a] = number[successor[states[i], a]]
+
+
+@compiled
 def settle_grid(
     near: Any,
     layer_end: Any,
@@ -63,12 +77,13 @@ def settle_grid(
 
     The N states are numbered outward from the goal, so that a sweep hands values outward, and
     layer_end[k] is the end of layer k.  near (N, A): where moves lead; from N on: states with values that stay.
+    reward: as in ``grid_backup``, but a tuple, so that loops over actions unroll.
     Each sweep takes in one more layer: farther ones would start from values that are still wrong.
     A state waits for its backup, waiting (N + B,) bool, while its own value or one beside it changes; at the
     end a sweep over all states makes sure.  relaxation: steps to the backup are so many times as long.
     ``at``: (FIRST, REACHED, SWEEPS, SURE), all 0 at first, kept from call to call.
     """
-    n, n_actions = near.shape
+    n, n_actions = near.shape[0], len(reward)
     other = slip / (n_actions - 1)
     chosen = 1.0 - slip - other
     for sweep in range(max_sweeps):
@@ -80,26 +95,26 @@ def settle_grid(
         if first == n:
             waiting[:], first, at[SURE], at[REACHED] = True, 0, 1, layer_end.size - 1
         ahead = 1.0 if at[SURE] or at[SWEEPS] > MOST_RELAXED else relaxation
-        back = first
-        for s in range(first, layer_end[at[REACHED]]):
+        back, sure = first, at[SURE]
+        for s in range(uint64(first), uint64(layer_end[at[REACHED]])):
             if not waiting[s]:
                 continue
             waiting[s] = False
             best, worst, total = -np.inf, np.inf, 0.0
             for a in range(n_actions):
-                t = near[s, a]
+                t = near[s, uint64(a)]
                 worth = goal_value if t == goal else reward[a] + gamma * value[t]
                 best, worst, total = max(best, worth), min(worst, worth), total + worth
             backup = chosen * (best if chosen >= 0.0 else worst) + other * total
             change = backup - value[s]
             value[s] = backup + (ahead - 1.0) * change
             if abs(change) > tolerance * max(backup, floor):
-                waiting[s], at[SURE] = True, 0
+                waiting[s], sure = True, 0
                 for a in range(n_actions):
-                    t = near[s, a]
+                    t = near[s, uint64(a)]
                     waiting[t] = True
-                    back = min(back, t)
-        at[FIRST], at[SWEEPS] = back, at[SWEEPS] + 1
+                    back = min(back, int64(t))
+        at[FIRST], at[SURE], at[SWEEPS] = back, sure, at[SWEEPS] + 1
         at[REACHED] = min(at[REACHED] + 1, layer_end.size - 1)
     return -1
 

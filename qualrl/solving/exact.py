@@ -154,12 +154,13 @@ def settle_outward(
     stays = np.ones(len(value), np.bool_)
     stays[order] = False
     states = np.concatenate([order, np.flatnonzero(stays)])
+    near = np.empty((len(order), successor.shape[1]), np.uint32)
     number = np.empty(len(states), np.uint32)
-    number[states] = np.arange(len(states), dtype=np.uint32)
+    bellman.number_outward(successor, states, number, near)
     ordered = value[states]
     swept(
         len(order), bellman.settle_grid,
-        number[successor[order]], np.flatnonzero(np.diff(layer, append=-1)) + 1, reward,
+        near, np.flatnonzero(np.diff(layer, append=-1)) + 1, tuple(reward.tolist()),
         int(number[goal]) if goal >= 0 else -1, goal_value, gamma, float(slip),
         relaxation(slip, gamma, successor.shape[1]), ordered, np.ones(len(states), np.bool_), np.zeros(4, np.int64),
         TOLERANCE, floor,
