@@ -60,7 +60,7 @@ def test_samples_are_pairs_met_on_the_way_to_the_truth(seed, crowded):
     plan = random_floor_plan(seed, crowded=crowded)
     grid, place = varied(plan, np.random.default_rng([seed, 1]))
     view = look(grid.free, grid.resolution_m, FURNITURE_M)
-    graph = zone_graph_of(view, grid.occupied)
+    graph, _ = zone_graph_of(view, grid.occupied, lambda: None)
     truth = places_of_zones(graph.zone, view, place)
     twin = Merging(*zones_and_contacts(graph), [], 0.0, graph.about.tolist(), truth, 10**6)
     hosts = twin.run(LEAST_ODDS, 0.0)

@@ -2,16 +2,17 @@
 
 numba is started here, once, and without what it would load only to see whether it is there: SciPy, whose version it
 looks at, and coverage, which it would tell of compiled lines if it were asked to by NUMBA_JIT_COVERAGE.  Garbage
-is not looked for then: all that is made is kept; nor when the process ends, where nobody would notice.
+is not looked for then, as all that is made is kept, nor when the process ends, where nobody would notice.
 """
 
 import atexit
-import gc
 import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
+
+from qualrl.kernels.garbage import leave_the_rest, left_alone
 
 LOOKED_FOR = ("scipy",) if "NUMBA_JIT_COVERAGE" in os.environ else ("scipy", "coverage")
 
@@ -22,20 +23,14 @@ def _out_of_sight(names: tuple[str, ...]) -> Iterator[None]:
     modules: dict[str, Any] = sys.modules
     hidden = [name for name in names if name not in modules]
     modules.update(dict.fromkeys(hidden))
-    collecting = gc.isenabled()
-    gc.disable()
     try:
         yield
     finally:
-        if collecting:
-            gc.enable()
         for name in hidden:
             del modules[name]
 
 
-with _out_of_sight(LOOKED_FOR):
+with _out_of_sight(LOOKED_FOR), left_alone():
     import numba  # noqa: F401
-
-from qualrl.kernels.process_end import leave_the_rest  # noqa: E402
 
 atexit.register(leave_the_rest)

@@ -8,7 +8,6 @@ could mean, strings and dates included, whenever it meets one.
 All this is done to the loops of this project alone, under names of numba that are looked for first.
 """
 
-import gc
 import operator
 import sys
 from collections.abc import Callable, Iterator
@@ -30,6 +29,8 @@ from numba.core import (
 )
 from numba.core.types import Array, Boolean, Number, NumberClass, functions
 from numba.core.typing import context as typing_context
+
+from qualrl.kernels.garbage import left_alone
 
 CodeLibrary: Any = codegen.JITCodeLibrary
 CompilerBase: Any = compiler.CompilerBase
@@ -87,24 +88,6 @@ def instead(module: ModuleType | type, name: str, value: object) -> Iterator[Non
         yield
     finally:
         setattr(module, name, kept)
-
-
-@contextmanager
-def _garbage_left() -> Iterator[None]:
-    """Nothing is looked through for garbage as long as the block runs: a compiler makes much that it keeps.
-
-    What it made counts as old afterwards, so that not all of it is looked through at once when the block is left.
-    """
-    collecting = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collecting:
-            if gc.get_freeze_count() == 0:
-                gc.freeze()
-                gc.unfreeze()
-            gc.enable()
 
 
 class LoopLibrary(CodeLibrary):  # type: ignore[misc]
@@ -200,7 +183,7 @@ class LoopCompiler(CompilerBase):  # type: ignore[misc]
             instead(TargetContext, "get_abi_sizeof", size_of),
             instead(TargetContext, "refresh", look_again),
             instead(TypingContext, "refresh", look_again),
-            _garbage_left(),
+            left_alone(),
         ):
             return super()._compile_core()
 

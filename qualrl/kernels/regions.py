@@ -97,10 +97,10 @@ def pieces(label: Any) -> tuple[Ints, int]:
 def forest_of(label: Any) -> Ints:
     """(H, W) int32: the forest whose sets are the 4-connected pieces of equal label."""
     forest = borrowed(label.shape, np.int32)
-    forest.fill(NO_SET)
     flat, width, sets = label.ravel(), label.shape[1], forest.ravel()
 
     def united(top: int, bottom: int) -> int:
+        forest[top:bottom] = NO_SET
         _unite_pieces(flat, width, top, bottom, sets)
         return top
 

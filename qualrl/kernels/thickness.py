@@ -25,11 +25,12 @@ def local_thickness(
 
     distance (H, W): from each cell to the nearest cell that is not free, 0 where not free.
     centres: flat indices of the discs' centres, the largest disc first (see ``disc_centres``).
-    thickness (H, W): 0 at first.  unpainted (H, W / 64 or one
-    more): a bit for each free cell that no disc has reached, the lowest of a word for its first column.
+    thickness (H, W): 0 where no disc comes.  unpainted (H, W / 64 or one more): a bit for each free cell that no disc
+    has reached, the lowest of a word for its first column.
     Discs are painted from large to small and each cell once; rows that are painted already cost a word or two.
     """
     half = np.empty(len(distance), np.int64)
+    thickness[top:bottom] = 0
     _paint(distance.ravel(), centres, thickness, unpainted, top, bottom, half)
 
 

@@ -42,7 +42,6 @@ def flat_zones(thickness: Floats, distance: Floats, pinch: float, step: float) -
     free = distance > 0
     forest = forest_of(as_label(free))
     order, start = by_piece(forest, int(np.count_nonzero(free)))
-    forest.fill(NO_SET)
     thick, way, sets = thickness.ravel(), distance.ravel(), forest.ravel()
 
     def cut(first: int, end: int) -> None:
@@ -93,12 +92,14 @@ def _cut(
     thick: Floats, way: Floats, width: int, order: Ints, start: Ints, pinch: float, step: float, forest: Ints,
     spare: Words, count: Counts,
 ) -> None:  # fmt: skip
-    """Cut the pieces that begin in order at start (P + 1,) into zones: sets of the forest (H x W,), none at first.
+    """Cut the pieces that begin in order at start (P + 1,) into zones: sets of the forest (H x W,).
 
     spare (2, most cells of a piece) and count (LAST + 1,) are scratch.
     """
     for piece in range(start.size - 1):
         cells = order[start[piece] : start[piece + 1]]
+        for cell in cells:
+            forest[cell] = NO_SET
         _sort(thick, way, cells, spare, count)
         _unite_alike(thick, way, width, cells, pinch, step, forest)
 

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels.bands import in_bands
+from qualrl.kernels.bands import both, in_bands
 from qualrl.kernels.distances import MOST_STEPS, distances_in_rows, steps_in_columns
 from qualrl.kernels.scratch import borrowed
 from qualrl.kernels.thickness import disc_centres, local_thickness
@@ -34,13 +34,16 @@ def distance_within(free: NDArray[np.bool_]) -> Floats:
 def thickness_over(distance: Floats) -> Floats:
     """(H, W) radius of the largest free disc over each cell, from the distances to what is not free, in cells."""
     centres = np.concatenate(in_bands(partial(disc_centres, distance), distance.shape))
-    bits = np.packbits(distance > 0, axis=1, bitorder="little")
-    unpainted = np.pad(bits, ((0, 0), (0, -bits.shape[1] % 8))).view("<u8").astype(np.uint64, copy=False)
     thickness = borrowed(distance.shape, np.float32)
-    thickness.fill(0)
-    largest_first = _largest_first(distance, centres)
+    largest_first, unpainted = both(partial(_largest_first, distance, centres), partial(_in_words, distance > 0))
     in_bands(partial(local_thickness, distance, largest_first, thickness, unpainted), distance.shape)
     return thickness
+
+
+def _in_words(flags: NDArray[np.bool_]) -> NDArray[np.uint64]:
+    """(H, W / 64 or one more) a bit for each of the flags (H, W), the lowest of a word for its first column."""
+    bits = np.packbits(flags, axis=1, bitorder="little")
+    return np.pad(bits, ((0, 0), (0, -bits.shape[1] % 8))).view("<u8").astype(np.uint64, copy=False)
 
 
 def _largest_first(distance: Floats, cells: NDArray[np.int32]) -> NDArray[np.int32]:

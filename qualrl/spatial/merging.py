@@ -42,8 +42,6 @@ MOST_SUPPORT_M = 5.0
 """A longer wall beside a gap says no more."""
 DIRECTIONS = 32
 """In which the reach of places is measured."""
-MORE = 0.65
-"""About this share of the zones is merged by one processor, if they can be parted; another has more to do beside."""
 NO_SAMPLES = kernels.Samples(np.zeros(0, np.int32), np.zeros((0, 0)), np.zeros(1, np.int64))
 
 Flags = NDArray[np.bool_]
@@ -70,32 +68,26 @@ def merged_regions(
 
     And what a task makes that another processor has time for.
     """
-    graph = zone_graph_of(view, occupied)
+    graph, made = zone_graph_of(view, occupied, meanwhile)
     asked = questions()
-    more, fewer = apart(graph.bonds)
 
     def merge(chosen: Cells) -> None:
         of_map = asked, graph.about, LEAST_ODDS, min_area_m2, NO_SAMPLES
         kernels.merge(graph.places, graph.bonds, chosen, *of_map)
 
-    def others() -> Result:
-        made = meanwhile()
-        merge(fewer)
-        return made
-
-    _, made = both(partial(merge, more), others)
+    both(*(partial(merge, half) for half in apart(graph.bonds)))
     region = renumber(graph.zone, graph.places.parent)
     return straightened(region, view, STRAIGHTENED_M / view.cell_m), made
 
 
 def apart(bonds: Bonds) -> tuple[Cells, Cells]:
-    """The zones in two parts that no bonds lead between: of maps of one building, all and none."""
+    """The zones in two parts that no bonds lead between, as near to halves as can be: of one building, all and none."""
     count = len(bonds.first)
     ends, starts = np.ascontiguousarray(bonds.target.reshape(-1, 2).T, np.int64)
     piece = linking.pieces(starts, ends, count)
     cells = np.bincount(piece)
-    is_more = (np.cumsum(cells) - cells / 2 <= MORE * count)[piece]
-    return np.flatnonzero(is_more), np.flatnonzero(~is_more)
+    is_first = (np.cumsum(cells) - cells / 2 <= count / 2)[piece]
+    return np.flatnonzero(is_first), np.flatnonzero(~is_first)
 
 
 @cache
@@ -115,34 +107,35 @@ def unpacked(stored: dict[str, NDArray[np.generic]]) -> Trees:
     )  # fmt: skip
 
 
-def zone_graph_of(view: View, occupied: Flags) -> ZoneGraph:
-    """The zones of a view, unmerged; occupied (H, W)."""
+def zone_graph_of(view: View, occupied: Flags, meanwhile: Callable[[], Result]) -> tuple[ZoneGraph, Result]:
+    """The zones of a view, unmerged; occupied (H, W).  And what a task makes that another processor has time for."""
     wall = walls_of(view.of_grid(without_specks(occupied) if view.zoom == 1 else occupied), view.clear)
     lines, _ = both(partial(find_wall_lines, wall, view.clear, view.cell_m), view.measure)
-    zone = _zones(view, view.clear & (lines.line < 0))
-    count = int(zone.max()) + 1
+    zone, count, made = _zones(view, view.clear & (lines.line < 0), meanwhile)
     ends = zone_kernels.crossings(zone)
     places, bonds = both(
         partial(_places, zone, count, view, wall, lines), partial(_bonds, zone, count, ends, view, lines)
     )
-    np.add.at(places.sums[:, kernels.TOUCHING], zone.ravel()[ends].ravel(), view.cell_m)
+    places.sums[:, kernels.TOUCHING] = np.bincount(zone.ravel()[ends].ravel(), minlength=count) * view.cell_m
     walls, unknown, area = (places.sums[:, column].sum() for column in (kernels.WALLS, kernels.UNKNOWN, kernels.AREA))
     breadth = places.sums[:, kernels.THICK].sum() / max(area, 1e-6)
     about = np.array([unknown / max(walls + unknown, 1e-6), np.log(max(count, 1) / max(area, 1e-2)), breadth])
-    return ZoneGraph(zone, places, bonds, about)
+    return ZoneGraph(zone, places, bonds, about), made
 
 
-def _zones(view: View, cut: Flags) -> Labels:
-    """(h, w) zones of alike thickness of the free space as the lines cut it (h, w), numbered from 0."""
+def _zones(view: View, cut: Flags, meanwhile: Callable[[], Result]) -> tuple[Labels, int, Result]:
+    """(h, w) zones of alike thickness of the free space as the lines cut it (h, w), numbered from 0; and how many.
+
+    Cells that small zones leave are reached one after the other: another processor has time meanwhile.
+    """
     distance = distance_within(cut)
     zone, count = flat_zones(thickness_over(distance), distance, PINCH, STEP)
     del distance, cut
     is_small = sizes(zone, count) < LEAST_ZONE_M2 / view.cell_m**2
     renumber(zone, np.where(is_small, -1, np.arange(count)).astype(np.int32))
-    flooding.flood(zone, view.clear, view.distance)
+    _, made = both(partial(flooding.flood, zone, view.clear, view.distance), meanwhile)
     flooding.number_rest(zone, view.clear)
-    consecutive(zone)
-    return zone
+    return zone, consecutive(zone), made
 
 
 def _places(zone: Labels, count: int, view: View, wall: Flags, lines: WallLines) -> kernels.Places:

@@ -14,6 +14,7 @@ from qualrl.errors import SettingError
 from qualrl.kernels import flooding
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.bands import both
+from qualrl.kernels.garbage import left_alone
 from qualrl.kernels.labels import as_label, cells_with, consecutive, labels_at, renumber, sizes
 from qualrl.kernels.scratch import borrowed, kept_for_reuse
 from qualrl.spatial.description import decided, listed, mean_half_width, measure
@@ -33,6 +34,7 @@ Flags = NDArray[np.bool_]
 Labels = NDArray[np.int32]
 
 
+@left_alone()
 @kept_for_reuse()
 def segment(
     grid: OccupancyGrid,

@@ -52,7 +52,7 @@ def samples_of(seed: int, stored: Stored, crowded: bool) -> Samples:
     plan = random_floor_plan(seed, crowded=crowded)
     grid, place = varied(plan, np.random.default_rng([seed, 1]))
     view = look(grid.free, grid.resolution_m, FURNITURE_M)
-    graph = zone_graph_of(view, grid.occupied)
+    graph, _ = zone_graph_of(view, grid.occupied, lambda: None)
     return samples_on(graph, truth_of(graph, view.of_grid(place, -1)), questions_of(unpacked(stored)))
 
 
