@@ -35,14 +35,14 @@ def thickness_over(distance: Floats) -> Floats:
     """(H, W) radius of the largest free disc over each cell, from the distances to what is not free, in cells."""
     centres = np.concatenate(in_bands(partial(disc_centres, distance), distance.shape))
     thickness = borrowed(distance.shape, np.float32)
-    largest_first, unpainted = both(partial(_largest_first, distance, centres), partial(_in_words, distance > 0))
+    largest_first, unpainted = both(partial(_largest_first, distance, centres), partial(_free_in_words, distance))
     in_bands(partial(local_thickness, distance, largest_first, thickness, unpainted), distance.shape)
     return thickness
 
 
-def _in_words(flags: NDArray[np.bool_]) -> NDArray[np.uint64]:
-    """(H, W / 64 or one more) a bit for each of the flags (H, W), the lowest of a word for its first column."""
-    bits = np.packbits(flags, axis=1, bitorder="little")
+def _free_in_words(distance: Floats) -> NDArray[np.uint64]:
+    """(H, W / 64 or one more) a bit for each cell, set where it is free, the lowest of a word for its first column."""
+    bits = np.packbits(distance > 0, axis=1, bitorder="little")
     return np.pad(bits, ((0, 0), (0, -bits.shape[1] % 8))).view("<u8").astype(np.uint64, copy=False)
 
 

@@ -65,17 +65,15 @@ def find_landmarks(
     doorways: Sequence[Doorway],
     distance: Floats,
     half_width: Floats,
-    bends: Sequence[Bend],
+    corners: Sequence[Cell],
     lines: CorridorLines,
-    resolution_m: float,
 ) -> tuple[Landmark, ...]:
     """All landmarks: doorways, corners, junctions, dead ends, centres; each kind by region and position.
 
     label (H, W); distance (H, W) to the nearest cell that is not free, 0 on those that are looked past;
-    half_width by region.
+    half_width by region; corners: see ``find_corners``.
     """
     marks = [Landmark(door.name, "doorway", middle_of(door.cells), door.cells, door.pair) for door in doorways]
-    corners = _corners(label, half_width, bends, resolution_m)
     junctions, dead_ends = _corridor_marks(label, regions, doorways, distance, half_width, lines)
     centres = [region.centre for region in regions if region.kind != "pocket"]
     for kind, cells in (("corner", corners), ("junction", junctions), ("dead end", dead_ends), (CENTRE, centres)):
@@ -118,7 +116,7 @@ def find_bends(free: Flags, resolution_m: float) -> list[Bend]:
     return found
 
 
-def _corners(label: Ints, half_width: Floats, bends: Sequence[Bend], resolution_m: float) -> list[Cell]:
+def find_corners(label: Ints, half_width: Floats, bends: Sequence[Bend], resolution_m: float) -> list[Cell]:
     """The cells in bends whose walls are long for their region's width."""
     if not bends:
         return []

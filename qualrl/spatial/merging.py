@@ -113,10 +113,10 @@ def zone_graph_of(view: View, occupied: Flags, meanwhile: Callable[[], Result]) 
     lines, _ = both(partial(find_wall_lines, wall, view.clear, view.cell_m), view.measure)
     zone, count, made = _zones(view, view.clear & (lines.line < 0), meanwhile)
     ends = zone_kernels.crossings(zone)
-    places, bonds = both(
+    places, (bonds, touching) = both(
         partial(_places, zone, count, view, wall, lines), partial(_bonds, zone, count, ends, view, lines)
     )
-    places.sums[:, kernels.TOUCHING] = np.bincount(zone.ravel()[ends].ravel(), minlength=count) * view.cell_m
+    places.sums[:, kernels.TOUCHING] = touching
     walls, unknown, area = (places.sums[:, column].sum() for column in (kernels.WALLS, kernels.UNKNOWN, kernels.AREA))
     breadth = places.sums[:, kernels.THICK].sum() / max(area, 1e-6)
     about = np.array([unknown / max(walls + unknown, 1e-6), np.log(max(count, 1) / max(area, 1e-2)), breadth])
@@ -149,8 +149,10 @@ def _places(zone: Labels, count: int, view: View, wall: Flags, lines: WallLines)
     return kernels.Places(np.arange(count, dtype=np.int32), sums, widest * cell_m, reach)
 
 
-def _bonds(zone: Labels, count: int, ends: Labels, view: View, lines: WallLines) -> Bonds:
-    """Where zones touch (ends (N, 2): the steps that cross) or have a wall between them."""
+def _bonds(zone: Labels, count: int, ends: Labels, view: View, lines: WallLines) -> tuple[Bonds, Floats]:
+    """Where zones touch (ends (N, 2): the steps that cross) or have a wall between them; and how many metres of each
+    zone's border (Z,) touch others.
+    """
     at = zone_graph.line_at_steps(ends, lines.line)
     is_lined = at >= 0
     support_m = np.where(is_lined, np.append(np.minimum(lines.support_m, MOST_SUPPORT_M), 0.0)[at], 0.0)
@@ -167,4 +169,6 @@ def _bonds(zone: Labels, count: int, ends: Labels, view: View, lines: WallLines)
         np.bincount(there, axis == along, key.size) for along in (0, 1)
     ]
     sums = np.stack([*columns, way], axis=1) * view.cell_m
-    return linked(np.stack(np.divmod(key, max(count, 1)), axis=1).astype(np.int32), sums, count)
+    bonds = linked(np.stack(np.divmod(key, max(count, 1)), axis=1).astype(np.int32), sums, count)
+    touched: Floats = np.bincount(touching.ravel(), minlength=count) * view.cell_m
+    return bonds, touched

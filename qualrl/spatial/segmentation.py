@@ -21,7 +21,7 @@ from qualrl.spatial.description import decided, listed, mean_half_width, measure
 from qualrl.spatial.doorways import find_doorways, renumbered
 from qualrl.spatial.footprint import fitted
 from qualrl.spatial.joining import joined_regions
-from qualrl.spatial.landmarks import Bend, corridor_lines, find_bends, find_landmarks
+from qualrl.spatial.landmarks import Bend, corridor_lines, find_bends, find_corners, find_landmarks
 from qualrl.spatial.merging import merged_regions
 from qualrl.spatial.occupancy_grid import OccupancyGrid
 from qualrl.spatial.region_map import RegionMap
@@ -94,15 +94,18 @@ def segment(
     del thing
     shapes, kinds = decided(parts, unordered, grid.occupied, resolution_m)
     is_corridor = np.array(kinds) == "corridor"
-    (regions, order), lines = both(
-        partial(listed, parts, shapes, kinds, resolution_m),
+    ((regions, order), corners), lines = both(
+        lambda: (
+            listed(parts, shapes, kinds, resolution_m),
+            find_corners(label, half_width, bends, resolution_m),
+        ),
         partial(corridor_lines, label, is_corridor, distance, half_width),
     )
     rank = np.argsort(order).astype(np.int32)
     renumber(label, rank)
     half_width, doorways = half_width[order], renumbered(unordered, rank.tolist())
     lines = lines._replace(region=rank[lines.region])
-    landmarks = find_landmarks(label, regions, doorways, distance, half_width, bends, lines, resolution_m)
+    landmarks = find_landmarks(label, regions, doorways, distance, half_width, corners, lines)
     return fitted(RegionMap(grid, label, regions, doorways, landmarks), radius_m)
 
 

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from qualrl.kernels.bands import in_bands
 from qualrl.kernels.labels import renumber
 from qualrl.kernels.scratch import borrowed
 from qualrl.kernels.wall_gaps import single_gaps
@@ -97,8 +98,13 @@ class View:
         """(H, W) what is shown of the window's cells, seen from the grid, and its value beyond the window."""
         whole = borrowed(self.shape, shown.dtype.type)
         rows, columns = self.window
-        whole[: rows.start] = whole[rows.stop :] = elsewhere
-        whole[rows, : columns.start] = whole[rows, columns.stop :] = elsewhere
+
+        def surround(top: int, bottom: int) -> None:
+            part, inside = whole[top:bottom], slice(max(rows.start - top, 0), max(rows.stop - top, 0))
+            part[: inside.start] = part[inside.stop :] = elsewhere
+            part[inside, : columns.start] = part[inside, columns.stop :] = elsewhere
+
+        in_bands(surround, self.shape, is_light=True)
         self.posture.back(shown, whole[self.window])
         return whole
 
