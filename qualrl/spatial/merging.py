@@ -170,5 +170,4 @@ def _bonds(zone: Labels, count: int, ends: Labels, view: View, lines: WallLines)
     ]
     sums = np.stack([*columns, way], axis=1) * view.cell_m
     bonds = linked(np.stack(np.divmod(key, max(count, 1)), axis=1).astype(np.int32), sums, count)
-    touched: Floats = np.bincount(touching.ravel(), minlength=count) * view.cell_m
-    return bonds, touched
+    return bonds, np.bincount(touching.ravel(), minlength=count).astype(np.float64) * view.cell_m
