@@ -95,7 +95,7 @@ class Why(Answer):
             return
         margin = self.margin
         less = depth.at_numbers(
-            f"{margin:.3g} less" if margin else self.best.worth.alike(self.other.worth),
+            f"{abs(margin):.3g} {'less' if margin > 0 else 'more'}" if margin else self.best.worth.alike(self.other.worth),
             self.other.worth_beside(self.best),
         )
         less = depth.from_signs(f", {less}") + depth.at_signs(f"; {longer(self.other, self.best, depth)}")
@@ -121,12 +121,12 @@ class Why(Answer):
             yield f"Which is better at another gamma is {UNDECIDED}."
 
     def _made_up_of(self, margin: float, depth: Depth) -> Iterator[str]:
-        told = [entry for entry in self.entries if abs(entry.difference) > FELT * margin]
+        told = [entry for entry in self.entries if abs(entry.difference) > FELT * abs(margin)]
         all_of_it = f"The {margin:.3g} at gamma {self.gamma:.12g} is made up of:"
         yield depth.at_numbers(all_of_it, "What is for it and what against it, what matters most first:")
         yield from (entry.in_words(depth) for entry in told)
         rest = sum(entry.difference for entry in self.entries[len(told) :])
-        if len(told) < len(self.entries) and (depth == Depth.NUMBERS or abs(rest) > ALIKE * margin):
+        if len(told) < len(self.entries) and (depth == Depth.NUMBERS or abs(rest) > ALIKE * abs(margin)):
             yield f"  elsewhere: {_ahead(rest, depth)}"
 
     def facts(self) -> dict[str, Any]:
