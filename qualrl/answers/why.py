@@ -94,8 +94,9 @@ class Why(Answer):
             yield f"{here}{back}, so there is nothing to choose."
             return
         margin = self.margin
+        by = f"{abs(margin):.3g} {'less' if margin > 0 else 'more'}"
         less = depth.at_numbers(
-            f"{abs(margin):.3g} {'less' if margin > 0 else 'more'}" if margin else self.best.worth.alike(self.other.worth),
+            by if margin else self.best.worth.alike(self.other.worth),
             self.other.worth_beside(self.best),
         )
         less = depth.from_signs(f", {less}") + depth.at_signs(f"; {longer(self.other, self.best, depth)}")
