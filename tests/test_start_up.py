@@ -112,6 +112,12 @@ def test_help_names_every_command_and_loads_none_of_them():
     assert (code, modules) == ("0", "['qualrl.commands', 'qualrl.commands.main']")
 
 
+def test_the_list_of_learners_is_printed_without_numpy():
+    *told, modules = output_of(HELP.format(arguments=["learners"]))
+    assert any("hql-replay" in line for line in told)
+    assert "numpy" not in modules
+
+
 @pytest.mark.parametrize("name", IN_SHORT)
 def test_a_command_that_is_called_has_its_name_and_tells_what_it_does(name):
     command = loaded(name)

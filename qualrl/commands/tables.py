@@ -2,16 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console as RichConsole
 from rich.table import Column, Table
 from rich.text import Text
 
-from qualrl.learning.growth import Growth
-from qualrl.learning.recovery import Recovery
-from qualrl.learning.run import LearningRun
-from qualrl.planning.plan import Plan, in_steps
-from qualrl.spatial.region_map import RegionMap
+if TYPE_CHECKING:  # what a command has to print, it has loaded
+    from qualrl.learning.growth import Growth
+    from qualrl.learning.recovery import Recovery
+    from qualrl.learning.run import LearningRun
+    from qualrl.planning.plan import Plan
+    from qualrl.spatial.region_map import RegionMap
 
 MOST_ROWS = 40
 
@@ -24,7 +26,7 @@ class PipedConsole(RichConsole):
         raise BrokenPipeError
 
 
-def print_map(regions: RegionMap) -> None:
+def print_map(regions: "RegionMap") -> None:
     """Size, regions with areas, and doorways of a map."""
     grid = regions.grid
     height, width = grid.shape
@@ -54,7 +56,7 @@ def print_map(regions: RegionMap) -> None:
     out.print("landmarks: " + (", ".join(f"{count} {kind}" for kind, count in counts.items()) or "none"), markup=False)
 
 
-def print_map_and_wings(regions: RegionMap, wings: Mapping[str, Sequence[str]]) -> None:
+def print_map_and_wings(regions: "RegionMap", wings: Mapping[str, Sequence[str]]) -> None:
     """A map as ``print_map`` shows it, then the wings that its regions form, if they form more than one."""
     print_map(regions)
     if len(wings) > 1:
@@ -71,7 +73,7 @@ def _table(title: str | None, words: Sequence[str], numbers: Sequence[str]) -> T
     return Table(*columns, title=title, title_justify="left")
 
 
-def _print_regions(out: PipedConsole, regions: RegionMap) -> None:
+def _print_regions(out: PipedConsole, regions: "RegionMap") -> None:
     named = [region for region in regions.regions if region.kind != "pocket"]
     numbers = ("area\n(m2)", "cells", "centre\nrow,col", "doors")
     table = _table(f"{len(named)} regions", ("region", "kind"), numbers)
@@ -89,7 +91,7 @@ def _print_regions(out: PipedConsole, regions: RegionMap) -> None:
         out.print(f"and {len(pockets)} pockets of free cells that lead nowhere ({area_m2:.2f} m2 together)")
 
 
-def _print_doors(out: PipedConsole, regions: RegionMap) -> None:
+def _print_doors(out: PipedConsole, regions: "RegionMap") -> None:
     if not regions.doorways:
         out.print("no doorways")
         return
@@ -112,8 +114,10 @@ def _print_rest(out: PipedConsole, count: int, what: str) -> None:
         out.print(f"and {count - MOST_ROWS} more {what} (--json lists all)")
 
 
-def print_learning(run: LearningRun) -> None:
+def print_learning(run: "LearningRun") -> None:
     """How a run went, beside the optimum."""
+    from qualrl.planning.plan import in_steps
+
     learned = "does not reach the goal yet" if run.greedy_steps is None else in_steps(run.greedy_steps)
     lines = [
         f"{run.algorithm}: {len(run.steps)} episodes with seed {run.seed}, "
@@ -134,7 +138,7 @@ def print_learning(run: LearningRun) -> None:
         out.print(_beside(run, run.knew_map), markup=False, soft_wrap=True)
 
 
-def _recovered(of: Recovery) -> str:
+def _recovered(of: "Recovery") -> str:
     optimum = "" if of.optimum_after is None else f" (optimum {of.optimum_before} -> {of.optimum_after} steps)"
     took = _took(of.episodes, of.steps)
     fresh = _took(of.fresh_episodes, of.fresh_steps)
@@ -142,10 +146,11 @@ def _recovered(of: Recovery) -> str:
 
 
 def _took(episodes: int | None, steps: int | None) -> str:
-    return "not at all" if episodes is None else f"after {episodes} episodes, {steps:,} steps"
+    many = "" if episodes == 1 else "s"
+    return "not at all" if episodes is None else f"after {episodes} episode{many}, {steps:,} steps"
 
 
-def _print_growth(out: PipedConsole, growth: Growth) -> None:
+def _print_growth(out: PipedConsole, growth: "Growth") -> None:
     numbers = ("steps", "episode", "cells", "known", "regions", "doors", "marks", "goal seen")
     table = _table("the map as it became known", (), numbers)
     for stage in growth.stages:
@@ -157,8 +162,10 @@ def _print_growth(out: PipedConsole, growth: Growth) -> None:
     out.print(table)
 
 
-def _beside(run: LearningRun, knew: LearningRun) -> str:
-    def told(of: LearningRun) -> str:
+def _beside(run: "LearningRun", knew: "LearningRun") -> str:
+    from qualrl.planning.plan import in_steps
+
+    def told(of: "LearningRun") -> str:
         policy = "none to the goal" if of.greedy_steps is None else in_steps(of.greedy_steps)
         return f"first episode {of.steps[0]:,} steps, all {of.total_steps:,} in {of.seconds:.1f} s, policy {policy}"
 
@@ -175,7 +182,7 @@ def print_learners(rows: Sequence[Mapping[str, str]]) -> None:
     PipedConsole(highlight=False).print(table)
 
 
-def print_plan(plan: Plan) -> None:
+def print_plan(plan: "Plan") -> None:
     """A plan in words."""
     PipedConsole(highlight=False).print(plan.explain(), markup=False, soft_wrap=True)
 
