@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
-# The threads of OpenBLAS, which NumPy and OpenCV each bring along, keep a core busy for 2^26 ticks when they are
-# loaded, and after each product, lest there is more to do: a fifth of a second where there is not.  2^20, half a
-# millisecond, are left to who multiplies matrices.
+# The threads of OpenBLAS, which NumPy and OpenCV each bring along, keep a core busy when they are loaded and after each
+# product, lest there is more to do: a sixth of a second where there is not.  2^20 ticks, half a millisecond, are left
+# to who multiplies matrices.
 os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "20")
 
 if TYPE_CHECKING:
@@ -84,7 +84,10 @@ def __getattr__(name: str) -> Any:
         return importlib.import_module("qualrl.questions")
     if name not in _HOME:
         raise AttributeError(f"module 'qualrl' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"qualrl.{_HOME[name]}"), name)
+    from qualrl.garbage import left_alone
+
+    with left_alone(kept=True):
+        value = getattr(importlib.import_module(f"qualrl.{_HOME[name]}"), name)
     globals()[name] = value
     return value
 

@@ -1,90 +1,83 @@
-"""What a process that loaded numba leaves alone when it ends, and what it does not."""
+"""When garbage is looked for, and how threads of linear algebra wait."""
 
+import gc
 import subprocess
 import sys
+import weakref
 
 import pytest
 
+import qualrl
+from qualrl.garbage import left_alone
 from tests import tracing
+from tests.worlds import PUZZLE, grid_of
 
-PROCESS = """
-import atexit, gc
-atexit.register(lambda: print(gc.get_freeze_count() > 0))  # after what is registered later
-import qualrl.kernels
-{rest}
-"""
-OPEN_FILE = """
-class Log:
-    def __init__(self, path):
-        self.file = open(path, "w")
-        self.told = self.file.write, self
-        self.file.write("the last words")
-kept = Log({path!r})
-"""
-WAITS = """
-class Waits:
+
+class Garbage:
+    """Refers to itself."""
+
     def __init__(self):
         self.me = self
-    def __del__(self):
-        print("ended")
-kept = Waits()
-"""
-GENERATOR = """
-def counting():
-    me = yield
-    try:
-        yield me
-    finally:
-        print("ended")
-kept = counting()
-next(kept)
-kept.send(kept)
-"""
-NEVER_BEGAN = """
-import contextlib
-@contextlib.contextmanager
-def block():
+
+
+def cycle():
+    return weakref.ref(Garbage())
+
+
+@pytest.fixture
+def often():
+    """As often as Python does by itself."""
+    before = gc.get_threshold()
+    gc.set_threshold(700, 10, 10)
     yield
-@block()
-def inside():
-    pass
-"""
-ODD_CLASS = """
-class Odd(type):
-    def __getattr__(cls, name):
-        raise RuntimeError("not to be asked")
-kept = Odd("OddThing", (), {"x": 1})()
-kept.me = kept
-"""
+    gc.set_threshold(*before)
 
 
-def output_of(rest: str) -> list[str]:
-    code = PROCESS.format(rest=rest)
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, env=tracing.environment_without()
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    return done.stdout.split()
+@pytest.mark.parametrize("kept", [False, True])
+def test_garbage_is_left_alone_within_the_block_only(kept, often):
+    with left_alone(kept=kept):
+        assert not gc.isenabled()
+        inside = cycle()
+        _ = [[] for _ in range(10_000)]
+        assert inside() is not None
+    assert gc.isenabled()
+    gc.collect()
+    assert inside() is None
 
 
-@pytest.mark.parametrize("rest", ["", NEVER_BEGAN])
-def test_what_is_left_goes_with_the_process(rest):
-    assert output_of(rest) == ["True"]
+def test_it_is_looked_for_again_after_an_error_and_stays_off_where_it_was_off():
+    with pytest.raises(ValueError, match="inside"), left_alone():
+        raise ValueError("inside")
+    assert gc.isenabled()
+    gc.disable()
+    try:
+        with left_alone(), left_alone(kept=True):
+            pass
+        assert not gc.isenabled()
+    finally:
+        gc.enable()
 
 
-@pytest.mark.parametrize("rest", [WAITS, GENERATOR])
-def test_who_waits_for_its_end_is_told(rest):
-    assert output_of(rest) == ["False", "ended"]
+def test_what_is_frozen_stays_so():
+    gc.freeze()
+    try:
+        with left_alone(kept=True):
+            pass
+        assert gc.get_freeze_count() > 0
+    finally:
+        gc.unfreeze()
 
 
-def test_an_open_file_is_written_to_its_end(tmp_path):
-    path = tmp_path / "log.txt"
-    assert output_of(OPEN_FILE.format(path=str(path))) == ["False"]
-    assert path.read_text() == "the last words"
-
-
-def test_nothing_is_said_where_a_class_cannot_be_asked():
-    assert output_of(ODD_CLASS) == ["False"]
+def test_garbage_of_a_script_that_cuts_many_maps_does_not_pile_up(often):
+    """It once counted as old after each map, and was never looked through."""
+    grid = grid_of(PUZZLE)
+    qualrl.build(qualrl.segment(grid), [6, 6])  # compiled from here on
+    gc.collect()
+    left = []
+    for _ in range(120):
+        qualrl.build(qualrl.segment(grid), [6, 6])
+        left.append(cycle())
+    assert sum(one() is not None for one in left) < 60
 
 
 def test_threads_of_linear_algebra_do_not_wait_busily_unless_they_are_told_to():

@@ -94,7 +94,7 @@ class Why(Answer):
             yield f"{here}{back}, so there is nothing to choose."
             return
         margin = self.margin
-        by = f"{abs(margin):.3g} {'less' if margin > 0 else 'more'}"
+        by = f"{margin:.3g} less" if margin > 0 else f"{-margin:.3g} more while no slip leads through another doorway"
         less = depth.at_numbers(
             by if margin else self.best.worth.alike(self.other.worth),
             self.other.worth_beside(self.best),

@@ -2,17 +2,16 @@
 
 numba is started here, once, and without what it would load only to see whether it is there: SciPy, whose version it
 looks at, and coverage, which it would tell of compiled lines if it were asked to by NUMBA_JIT_COVERAGE.  Garbage
-is not looked for then, as all that is made is kept, nor when the process ends, where nobody would notice.
+is not looked for then: all that is made is kept.
 """
 
-import atexit
 import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from qualrl.kernels.garbage import leave_the_rest, left_alone
+from qualrl.garbage import left_alone
 
 LOOKED_FOR = ("scipy",) if "NUMBA_JIT_COVERAGE" in os.environ else ("scipy", "coverage")
 
@@ -30,7 +29,5 @@ def _out_of_sight(names: tuple[str, ...]) -> Iterator[None]:
             del modules[name]
 
 
-with _out_of_sight(LOOKED_FOR), left_alone():
+with _out_of_sight(LOOKED_FOR), left_alone(kept=True):
     import numba  # noqa: F401
-
-atexit.register(leave_the_rest)

@@ -30,7 +30,7 @@ from numba.core import (
 from numba.core.types import Array, Boolean, Number, NumberClass, functions
 from numba.core.typing import context as typing_context
 
-from qualrl.kernels.garbage import left_alone
+from qualrl.garbage import left_alone
 
 CodeLibrary: Any = codegen.JITCodeLibrary
 CompilerBase: Any = compiler.CompilerBase
@@ -183,7 +183,7 @@ class LoopCompiler(CompilerBase):  # type: ignore[misc]
             instead(TargetContext, "get_abi_sizeof", size_of),
             instead(TargetContext, "refresh", look_again),
             instead(TypingContext, "refresh", look_again),
-            left_alone(),
+            left_alone(kept=True),
         ):
             return super()._compile_core()
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from qualrl.errors import NoPlanError, SettingError, UnknownNameError, did_you_mean
 from qualrl.kernels.bands import in_bands
-from qualrl.kernels.garbage import left_alone
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.landmarks import LandmarkLevel, landmark_level
 from qualrl.models.tabular_mdp import TabularMDP
@@ -215,7 +214,6 @@ class HybridMDP:
         return int(row), int(column)
 
 
-@left_alone()
 def hybrid_mdp(
     regions: RegionMap,
     goal: Place,

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qualrl.errors import SettingError
+from qualrl.garbage import left_alone
 from qualrl.kernels import flooding
 from qualrl.kernels import regions as kernels
 from qualrl.kernels.bands import both
-from qualrl.kernels.garbage import left_alone
 from qualrl.kernels.labels import as_label, cells_with, consecutive, labels_at, renumber, sizes
 from qualrl.kernels.scratch import borrowed, kept_for_reuse
 from qualrl.spatial.description import decided, listed, mean_half_width, measure
