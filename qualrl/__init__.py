@@ -80,14 +80,13 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name == "questions":
-        return importlib.import_module("qualrl.questions")
-    if name not in _HOME:
+    if name != "questions" and name not in _HOME:
         raise AttributeError(f"module 'qualrl' has no attribute {name!r}")
     from qualrl.garbage import left_alone
 
     with left_alone(kept=True):
-        value = getattr(importlib.import_module(f"qualrl.{_HOME[name]}"), name)
+        home = importlib.import_module(f"qualrl.{_HOME.get(name, name)}")
+    value = home if name == "questions" else getattr(home, name)
     globals()[name] = value
     return value
 

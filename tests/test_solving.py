@@ -12,6 +12,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from qualrl.errors import PlaceError, SettingError
+from qualrl.kernels.bellman import number_outward
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.tabular_mdp import TabularMDP
 from qualrl.solving.exact import action_values, exact_values, off_of, shift_of
@@ -63,6 +64,19 @@ def test_breadth_first_steps_equal_networkx(data, free, directions):
     world = GridWorld(free, goal, 0.9, directions=directions)
     lengths = nx.single_source_shortest_path_length(oracles.GridTwin(free, goal, directions).graph(), goal)
     assert world.steps_to_goal.tolist() == [lengths.get(tuple(cell), -1) for cell in world.cells.tolist()]
+
+
+@given(st.data(), st.integers(1, 12), st.sampled_from([4, 8]))
+def test_states_are_numbered_by_their_place_in_a_list(data, count, directions):
+    states = np.array(data.draw(st.permutations(range(count))), np.int64)
+    asked = data.draw(st.integers(0, count))
+    ends = st.lists(st.integers(0, count - 1), min_size=directions, max_size=directions)
+    successor = np.array(data.draw(st.lists(ends, min_size=count, max_size=count)), np.uint32)
+    number, near = np.zeros(count, np.uint32), np.zeros((asked, directions), np.uint32)
+    number_outward(successor, states, number, near)
+    order = states.tolist()
+    assert [order.index(state) for state in range(count)] == number.tolist()
+    assert near.tolist() == [[order.index(end) for end in successor[state].tolist()] for state in order[:asked]]
 
 
 def test_puzzle_values_are_exact_fractions():

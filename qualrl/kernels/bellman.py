@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numba import int64, uint64
 
-from qualrl.kernels.jit import compiled
+from qualrl.kernels.jit import compiled, compiled_bare
 
 FIRST, REACHED, SWEEPS, SURE = range(4)
 MOST_RELAXED = 100_000
@@ -41,7 +41,7 @@ def grid_backup(
     return best
 
 
-@compiled
+@compiled_bare
 def number_outward(successor: Any, states: Any, number: Any, near: Any) -> None:
     """Write the place of each state in ``states`` (S,) to number (S,), and to near (N, A) where moves lead by those.
 

@@ -9,7 +9,6 @@ All this is done to the loops of this project alone, under names of numba that a
 """
 
 import operator
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import ModuleType
@@ -28,7 +27,6 @@ from numba.core import (
     untyped_passes,
 )
 from numba.core.types import Array, Boolean, Number, NumberClass, functions
-from numba.core.typing import context as typing_context
 
 from qualrl.garbage import left_alone
 
@@ -41,7 +39,6 @@ pass_registry: Any = compiler_machinery._pass_registry
 VariableLifetime: Any = postproc.VariableLifetime
 canonicalize_cfg: Any = transforms.canonicalize_cfg
 TargetContext: Any = base.BaseContext
-TypingContext: Any = typing_context.BaseContext
 lookup_environment: Any = environment.lookup_environment
 PASSES = tuple(
     (module, name)
@@ -71,8 +68,6 @@ USED = (
     (PassManager, "_runPass"),
     (PostProcessor, "run"),
     (TargetContext, "get_abi_sizeof"),
-    (TargetContext, "refresh"),
-    (TypingContext, "refresh"),
 )
 KNOWN = all(hasattr(owner, name) for owner, name in (*PASSES, *USED))
 """Whether numba has the names that this file relies on; one that has others compiles as it always does."""
@@ -181,8 +176,6 @@ class LoopCompiler(CompilerBase):  # type: ignore[misc]
             instead(CalledFunction, "get_call_type", meaning),
             instead(PostProcessor, "run", lifetimes),
             instead(TargetContext, "get_abi_sizeof", size_of),
-            instead(TargetContext, "refresh", look_again),
-            instead(TypingContext, "refresh", look_again),
             left_alone(kept=True),
         ):
             return super()._compile_core()
@@ -200,20 +193,6 @@ def lifetimes(processor: Any, emit_dels: bool = False, extend_lifetimes: bool = 
     loop.blocks = canonicalize_cfg(loop.blocks)
     loop.variable_lifetime = VariableLifetime(loop.blocks)
     loop.generator_info = None
-
-
-refreshers: dict[bool, Callable[[Any], None]] = {True: TargetContext.refresh, False: TypingContext.refresh}
-_loaded: dict[Any, int] = {}
-
-
-def look_again(context: Any) -> None:
-    """Look for what else can be compiled by now, as numba does at each name that is new to it.
-
-    Only modules that are loaded can bring such things while a loop is being compiled.
-    """
-    if _loaded.get(context) != len(sys.modules):
-        refreshers[isinstance(context, TargetContext)](context)
-        _loaded[context] = len(sys.modules)
 
 
 measure: Callable[..., int] = TargetContext.get_abi_sizeof

@@ -117,7 +117,7 @@ def find_bends(free: Flags, resolution_m: float) -> list[Bend]:
 
 
 def find_corners(label: Ints, half_width: Floats, bends: Sequence[Bend], resolution_m: float) -> list[Cell]:
-    """The cells in bends whose walls are long for their region's width."""
+    """The cells in bends whose walls are long for their region's width; label (H, W), half_width by region."""
     if not bends:
         return []
     legs, cells, outward = (np.array(column) for column in zip(*bends, strict=True))
