@@ -172,13 +172,13 @@ def run_steps(
             if visits is not None:
                 alpha = next_rate(visits, at)
             s2, row2, over, reward, _, r0, r1, r2, r3 = happened(grid, slip, table, s, a, n_actions, r0, r1, r2, r3)
-            target = reward
+            known, target = q[at], reward  # read before what follows has to be waited for
             if not over:
                 if policy is None:
                     target += gamma * largest(q, row2, n_actions)
                 if policy is not None:
                     target += gamma * q[s2]
-            q[at] += alpha * (target - q[at])
+            q[at] = known + alpha * (target - known)
             total += reward
             t += 1
             if upper is not None:

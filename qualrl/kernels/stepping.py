@@ -158,8 +158,10 @@ def greedy(q: Any, row: Any, n_actions: Any, u: Any) -> Any:
         return chosen
     skip = int64(below(u, uint64(ties)))
     chosen = uint64(0)
-    while q[row + chosen] != best or skip > 0:
+    while True:
         if q[row + chosen] == best:
+            if skip == 0:
+                break
             skip -= 1
         chosen += uint64(1)
     return chosen
