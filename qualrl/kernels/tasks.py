@@ -20,8 +20,8 @@ from qualrl.kernels.stepping import (
     below,
     draw,
     ended,
+    happened,
     left_off,
-    moved_on,
     next_rate,
     resumed,
     started,
@@ -30,8 +30,6 @@ from qualrl.kernels.stepping import (
 # Slots of Progress.whole and Progress.real that are this loop's own
 RUNNING, PENDING = range(OWN_WHOLE, OWN_WHOLE + 2)
 GAIN, DISCOUNT = range(OWN_REAL, OWN_REAL + 2)
-NONE = 255
-"""No move."""
 
 
 class Rows(NamedTuple):
@@ -46,6 +44,8 @@ class Rows(NamedTuple):
     option: NDArray[np.int32]
     position: NDArray[np.int32]
     """(C * O,) place of an option among those of a kind, -1 where it does not live."""
+    first_after: NDArray[np.unsignedinteger]
+    """(S * A,) where the row begins of the state that each move on a grid leads to; (1,) and unused in a table."""
 
 
 class Spot(NamedTuple):
@@ -68,99 +68,6 @@ class Agents(NamedTuple):
     """(O,) where each wants to be."""
     landmark_of: NDArray[np.int32]
     """(S,)"""
-
-
-def find_ways(
-    likely: Any, sources: Any, source_start: Any, landmark: Any, terminal: Any, slot_start: Any, kind_of: Any,
-    position: Any,
-) -> Any:  # fmt: skip
-    """(steps, move): for every state and option of it, how far its landmark is within the region, and the first move.
-
-    likely (S, A): where each move leads most often.
-    sources[source_start[l]..]: the states at landmark l.  slot_start (S + 1,): where the options of a state begin.
-    steps int32 is 0 at the landmark and -1 where no way leads there; move uint8 is NONE for both.
-    """
-    steps = np.full(slot_start[-1], -1, np.int32)
-    move = np.full(slot_start[-1], NONE, np.uint8)
-    back_start, back = _backwards(likely)
-    queue = np.empty(len(likely), np.int64)
-    _write_ways(
-        likely, back_start, back, sources, source_start, landmark, terminal, slot_start, kind_of, position, queue,
-        steps, move,
-    )  # fmt: skip
-    return steps, move
-
-
-@compiled_bare
-def _write_ways(
-    likely: Any,
-    back_start: Any,
-    back: Any,
-    sources: Any,
-    source_start: Any,
-    landmark: Any,
-    terminal: Any,
-    slot_start: Any,
-    kind_of: Any,
-    position: Any,
-    queue: Any,
-    steps: Any,
-    move: Any,
-) -> None:
-    """back[back_start[s]..]: the states with a move to s; queue (S,) is room to work in; the rest: ``find_ways``."""
-    n_options = landmark.size
-    for o in range(n_options):
-        end = 0
-        for i in range(source_start[landmark[o]], source_start[landmark[o] + 1]):
-            s = sources[i]
-            steps[slot_start[s] + position[kind_of[s] * n_options + o]] = 0
-            queue[end] = s
-            end += 1
-        head = 0
-        while head < end:
-            t = queue[head]
-            head += 1
-            further = steps[slot_start[t] + position[kind_of[t] * n_options + o]] + 1
-            for i in range(back_start[t], back_start[t + 1]):
-                s = back[i]
-                place = position[kind_of[s] * n_options + o]
-                if place < 0 or terminal[s] or steps[slot_start[s] + place] >= 0:
-                    continue
-                steps[slot_start[s] + place] = further
-                queue[end] = s
-                end += 1
-                a = 0
-                while not _is_step_nearer(likely[s, a], further, steps, slot_start, kind_of, position, o, n_options):
-                    a += 1
-                move[slot_start[s] + place] = a
-
-
-@compiled_part
-def _is_step_nearer(
-    t: Any, further: Any, steps: Any, slot_start: Any, kind_of: Any, position: Any, o: Any, n_options: Any
-) -> Any:
-    """Whether state t is one step nearer to the landmark of option o than ``further``."""
-    place = position[kind_of[t] * n_options + o]
-    return place >= 0 and steps[slot_start[t] + place] == further - 1
-
-
-def _backwards(likely: Any) -> Any:
-    """(back_start (S + 1,), back): for each state, those with a move that leads there most often."""
-    start = np.zeros(len(likely) + 1, np.int64)
-    np.cumsum(np.bincount(likely.ravel(), minlength=len(likely)), out=start[1:])
-    back = np.empty(likely.size, np.int64)
-    _write_back(likely, start[:-1].copy(), back)
-    return start, back
-
-
-@compiled_bare
-def _write_back(likely: Any, filled: Any, back: Any) -> None:
-    """Filled (S,): where the list of each state begins, and afterwards ends."""
-    for s in range(likely.shape[0]):
-        for a in range(likely.shape[1]):
-            t = likely[s, a]
-            back[filled[t]] = s
-            filled[t] += 1
 
 
 @compiled_inline
@@ -195,18 +102,32 @@ def chosen(q: Any, low: Any, high: Any, best: Any, ties: Any, exploring: Any, u:
 @compiled_inline
 def spot_of(rows: Any, n_options: Any, s: Any) -> Any:
     """Where the numbers of a state stand."""
-    kind = int64(rows.kind_of[s])
+    kind = uint64(rows.kind_of[s])
     start = rows.option_start[kind]
-    return Spot(rows.first[s], kind, rows.option_start[kind + 1] - start, start, kind * n_options)
+    k = rows.option_start[kind + uint64(1)] - start
+    return Spot(rows.first[uint64(s)], int64(kind), k, start, int64(kind) * n_options)
 
 
 @compiled_inline
-def _spot_after(rows: Any, n_options: Any, here: Any, s: Any) -> Any:
+def _spot_after(rows: Any, n_options: Any, here: Any, s: Any, row: Any) -> Any:
     """The same, after a step from another: mostly of its kind, and then nothing waits for what is looked up by that."""
     kind, k, start, base = here.kind, here.k, here.start, here.base
     if rows.kind_of[uint64(s)] != kind:
         _, kind, k, start, base = spot_of(rows, n_options, s)
-    return Spot(rows.first[uint64(s)], kind, k, start, base)
+    return Spot(row, kind, k, start, base)
+
+
+@compiled_inline
+def _row_after(grid: Any, slip: Any, rows: Any, s: Any, s2: Any, outcome: Any, n_actions: Any) -> Any:
+    """Where the row of s2 begins, to which a step from s led: on a grid looked up by the move, while s2 itself is."""
+    if grid is None:
+        row = rows.first[s2]
+    if grid is not None:
+        move = outcome
+        if slip is not None:
+            move = s * uint64(n_actions) + outcome % uint64(n_actions)
+        row = int64(rows.first_after[move])
+    return row
 
 
 @compiled_inline
@@ -381,11 +302,12 @@ def run_steps(
                         pending = -1  # a move tried out, not the sub-agent's: the switch learns nothing from it
             if tries is not None:
                 tries[uint64(s * n_actions + a)] += 1
-            moved, over, reward, r0, r1, r2, r3 = moved_on(
+            moved, _, over, reward, outcome, r0, r1, r2, r3 = happened(
                 grid, slip, table, uint64(s), uint64(a), n_actions, r0, r1, r2, r3
             )
+            row = _row_after(grid, slip, rows, uint64(s), moved, outcome, n_actions)
             s = int64(moved)
-            there = _spot_after(rows, n_options, here, s)
+            there = _spot_after(rows, n_options, here, s, row)
             gain += discount * reward
             discount *= gamma
             total += reward
@@ -398,7 +320,7 @@ def run_steps(
                 _learn_agents(q, visits, rates, rows, agents, worst, n_actions, here, there, s, a, over, reward)
             if agents is None and running >= 0:
                 if there.kind != here.kind:
-                    place = int64(rows.position[there.base + running])
+                    place = int64(rows.position[uint64(there.base + running)])
                 if place < 0 or q[uint64(there.row + place)] == -np.inf:
                     running = -1
             if over and pending >= 0:

@@ -56,8 +56,9 @@ from qualrl.learning.learner import (
 )
 from qualrl.learning.rules import Hierarchy, LearningRule
 from qualrl.learning.settings import LearnSettings
+from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
-from qualrl.models.landmark_ways import LandmarkWays
+from qualrl.models.landmark_ways import NONE, LandmarkWays
 from qualrl.models.once import once
 from qualrl.models.task_graph import TaskGraph, open_rows
 
@@ -85,8 +86,9 @@ class LandmarkLearner(Seeded):
         self.first, self._may, self.policy = _layout(model, self.hierarchy, settings.primitives)
         self._rates, self._table = rates_of(model, settings), table_of(settings.alpha)
         self._rows = kernel.Rows(
-            self.first, self.ways.kind_of, self.ways.option_start, self.ways.option, self.ways.position.ravel()
-        )
+            self.first, self.ways.kind_of, self.ways.option_start, self.ways.option, self.ways.position.ravel(),
+            _first_after(model, self.first),
+        )  # fmt: skip
         agents = self.hierarchy in (Hierarchy.SWITCH, Hierarchy.W)
         self._how = (
             () if self.hierarchy is Hierarchy.INTRA_OPTION else None,
@@ -269,12 +271,20 @@ def _first(ways: LandmarkWays, blocks: bool) -> NDArray[np.int64]:
     return np.concatenate([[0], np.cumsum(width)])
 
 
+def _first_after(model: HybridMDP, first: NDArray[np.int64]) -> NDArray[np.unsignedinteger]:
+    """(S * A,) where the row begins of the state that each move of a grid leads to; (1,) for a table."""
+    if not isinstance(model.world, GridWorld):
+        return np.zeros(1, np.uint32)
+    kind: type[np.unsignedinteger] = np.uint32 if first[-1] <= np.iinfo(np.uint32).max else np.uint64
+    return first.astype(kind)[model.world.successor.ravel()]
+
+
 def _policy(ways: LandmarkWays, first: NDArray[np.int64], may: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """(W,) the move of each top choice; NONE for those that may not be made."""
-    policy = np.full(first[-1], kernel.NONE, np.uint8)
+    policy = np.full(first[-1], NONE, np.uint8)
     for kind, k in enumerate(np.diff(ways.option_start).tolist()):
         row = first[ways.states_of_kind(kind)][:, None]
         policy[row + np.arange(k)] = ways.table(ways.move, kind)
         policy[row + k + np.arange(ways.n_actions)] = np.arange(ways.n_actions)
-    policy[~may] = kernel.NONE
+    policy[~may] = NONE
     return policy

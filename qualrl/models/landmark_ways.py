@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from qualrl.kernels import tasks as kernel
+from qualrl.kernels import option_ways as kernel
 from qualrl.models.grid_world import GridWorld
 from qualrl.models.hybrid_mdp import HybridMDP
 
