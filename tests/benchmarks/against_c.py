@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 import qualrl
 from qualrl.kernels.stepping import EPISODE
-from qualrl.learning.learner import Learner
+from qualrl.learning.one_step import OneStepLearner
 from qualrl.learning.settings import LearnSettings
 from qualrl.learning.trainer import start_learner
 from tests.benchmarks.effort import Effort
@@ -57,16 +57,18 @@ def compiled_with(level: str, folder: Path) -> Any:
     return loop
 
 
-def learner(model: qualrl.HybridMDP, steps: int, seed: int) -> Learner:
+def learner(model: qualrl.HybridMDP, steps: int, seed: int) -> OneStepLearner:
     """Q-learning that has made no step yet, with room for all episodes."""
-    return start_learner(
-        model, "q-learning", LearnSettings(episodes=steps // LEAST_EPISODE, alpha=ALPHA, epsilon=EPSILON), seed
-    )
+    settings = LearnSettings(episodes=steps // LEAST_EPISODE, alpha=ALPHA, epsilon=EPSILON)
+    made = start_learner(model, "q-learning", settings, seed)
+    assert isinstance(made, OneStepLearner)
+    return made
 
 
 def ours(model: qualrl.HybridMDP, steps: int, seed: int) -> Result:
     """One run of this project's loop."""
     run = learner(model, steps, seed)
+    run._q.fill(0.0)  # written to, as C's is: memory new to the process costs more, and who gets that is chance
     begun = time.thread_time()
     run.advance(steps)
     seconds = time.thread_time() - begun
@@ -78,7 +80,7 @@ def in_c(loop: Any, model: qualrl.HybridMDP, steps: int, seed: int) -> Result:
     """One run of the C loop."""
     grid, rows = model.grid, 4 * model.grid.successor.ravel()
     stream = learner(model, steps, seed).progress.stream.copy()
-    q = np.zeros(len(rows))
+    q = np.full(len(rows), 0.0)
     lengths, returns = np.zeros(steps // LEAST_EPISODE, np.int64), np.zeros(steps // LEAST_EPISODE)
     begun = time.thread_time()
     over = loop(
