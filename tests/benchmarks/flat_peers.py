@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import qualrl
-from tests.benchmarks.against_c import ALPHA, EPSILON, ours, puzzle
+from tests.benchmarks.against_c import ALPHA, EPSILON, ours, puzzle, usual_speed
 from tests.benchmarks.effort import Effort
 from tests.benchmarks.peers import JAX, MUSHROOM, OPEN_SPIEL, RLBERRY, Peer, PeerError
 from tests.benchmarks.table import Row, short
@@ -28,7 +28,7 @@ def rows(effort: Effort) -> Iterator[Row]:
     data = maze_data(model, ALPHA, EPSILON) | {"rounds": rounds}
     ours(model, 1000, 0)  # compile
     for peer in (OPEN_SPIEL, RLBERRY, MUSHROOM):
-        mine = [ours(model, STEPS, seed).speed for seed in range(rounds)]
+        mine = [usual_speed(model, STEPS, seed) for seed in range(rounds)]
         yield beside(peer, f"Q-learning, 13 x 13 puzzle, {STEPS:,} steps", mine, effort, data | {"steps": STEPS})
     mine = [for_agents(model, seed) for seed in range(rounds)]
     agents = {"agents": AGENTS, "steps_each": STEPS_EACH}
