@@ -46,19 +46,20 @@ class Rows(NamedTuple):
     """(C * O,) place of an option among those of a kind, -1 where it does not live."""
     first_after: NDArray[np.unsignedinteger]
     """(S * A,) where the row begins of the state that each move on a grid leads to; (1,) and unused in a table."""
+    base_after: NDArray[np.unsignedinteger]
+    """The same for where its kind begins in ``position``."""
 
 
 class Spot(NamedTuple):
     """Where a state's numbers stand."""
 
     row: int
-    kind: int
     k: int
     """How many options it has."""
     start: int
     """Where they stand in ``Rows.option``."""
     base: int
-    """Where its kind begins in ``Rows.position``."""
+    """Where its kind begins in ``Rows.position``; another for each kind."""
 
 
 class Agents(NamedTuple):
@@ -105,29 +106,28 @@ def spot_of(rows: Any, n_options: Any, s: Any) -> Any:
     kind = uint64(rows.kind_of[s])
     start = rows.option_start[kind]
     k = rows.option_start[kind + uint64(1)] - start
-    return Spot(rows.first[uint64(s)], int64(kind), k, start, int64(kind) * n_options)
+    return Spot(rows.first[uint64(s)], k, start, int64(kind) * n_options)
 
 
 @compiled_inline
-def _spot_after(rows: Any, n_options: Any, here: Any, s: Any, row: Any) -> Any:
-    """The same, after a step from another: mostly of its kind, and then nothing waits for what is looked up by that."""
-    kind, k, start, base = here.kind, here.k, here.start, here.base
-    if rows.kind_of[uint64(s)] != kind:
-        _, kind, k, start, base = spot_of(rows, n_options, s)
-    return Spot(row, kind, k, start, base)
+def _spot_after(
+    grid: Any, slip: Any, rows: Any, n_options: Any, here: Any, s: Any, s2: Any, outcome: Any, n_actions: Any
+) -> Any:
+    """The same for s2, to which a step from s led, where ``here`` is the spot.
 
-
-@compiled_inline
-def _row_after(grid: Any, slip: Any, rows: Any, s: Any, s2: Any, outcome: Any, n_actions: Any) -> Any:
-    """Where the row of s2 begins, to which a step from s led: on a grid looked up by the move, while s2 itself is."""
+    On a grid what the next step waits for is looked up by the move, while s2 itself is.
+    """
     if grid is None:
-        row = rows.first[s2]
+        row, base = rows.first[s2], int64(rows.kind_of[s2]) * n_options
     if grid is not None:
         move = outcome
         if slip is not None:
             move = s * uint64(n_actions) + outcome % uint64(n_actions)
-        row = int64(rows.first_after[move])
-    return row
+        row, base = int64(rows.first_after[move]), int64(rows.base_after[move])
+    k, start = here.k, here.start
+    if base != here.base:
+        _, k, start, _ = spot_of(rows, n_options, s2)
+    return Spot(row, k, start, base)
 
 
 @compiled_inline
@@ -305,9 +305,8 @@ def run_steps(
             moved, _, over, reward, outcome, r0, r1, r2, r3 = happened(
                 grid, slip, table, uint64(s), uint64(a), n_actions, r0, r1, r2, r3
             )
-            row = _row_after(grid, slip, rows, uint64(s), moved, outcome, n_actions)
+            there = _spot_after(grid, slip, rows, n_options, here, uint64(s), moved, outcome, n_actions)
             s = int64(moved)
-            there = _spot_after(rows, n_options, here, s, row)
             gain += discount * reward
             discount *= gamma
             total += reward
@@ -319,7 +318,7 @@ def run_steps(
                 running = -1
                 _learn_agents(q, visits, rates, rows, agents, worst, n_actions, here, there, s, a, over, reward)
             if agents is None and running >= 0:
-                if there.kind != here.kind:
+                if there.base != here.base:
                     place = int64(rows.position[uint64(there.base + running)])
                 if place < 0 or q[uint64(there.row + place)] == -np.inf:
                     running = -1

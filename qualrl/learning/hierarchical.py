@@ -83,12 +83,9 @@ class LandmarkLearner(Seeded):
         self._episodes = settings.episodes
         self._world = kernel_world(model)
         self._actions = (0,) * model.world.n_actions
-        self.first, self._may, self.policy = _layout(model, self.hierarchy, settings.primitives)
+        self._rows, self._may, self.policy = _layout(model, self.hierarchy, settings.primitives)
+        self.first = self._rows.first
         self._rates, self._table = rates_of(model, settings), table_of(settings.alpha)
-        self._rows = kernel.Rows(
-            self.first, self.ways.kind_of, self.ways.option_start, self.ways.option, self.ways.position.ravel(),
-            _first_after(model, self.first),
-        )  # fmt: skip
         agents = self.hierarchy in (Hierarchy.SWITCH, Hierarchy.W)
         self._how = (
             () if self.hierarchy is Hierarchy.INTRA_OPTION else None,
@@ -240,14 +237,19 @@ def _ways(model: HybridMDP) -> LandmarkWays:
 @once
 def _layout(
     model: HybridMDP, hierarchy: Hierarchy, primitives: bool
-) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.uint8] | None]:
-    """(S + 1,) where rows begin, (W,) which entries may be chosen, and (W,) the moves of options that have a policy."""
+) -> tuple[kernel.Rows, NDArray[np.bool_], NDArray[np.uint8] | None]:
+    """Where all stands, (W,) which entries may be chosen, and (W,) the moves of options that have a policy."""
     ways = _ways(model)
     blocks = hierarchy not in (Hierarchy.OPTION, Hierarchy.INTRA_OPTION)
     first = _first(ways, blocks)
     single = ways.helpless if hierarchy is Hierarchy.W else ways.stuck | primitives
     may = open_rows(ways, first, single, hierarchy is Hierarchy.MACHINE, blocks)
-    return first, may, None if blocks else _policy(ways, first, may)
+    base = ways.kind_of * np.int64(ways.position.shape[1])
+    rows = kernel.Rows(
+        first, ways.kind_of, ways.option_start, ways.option, ways.position.ravel(), _by_move(model, first[:-1]),
+        _by_move(model, base),
+    )  # fmt: skip
+    return rows, may, None if blocks else _policy(ways, first, may)
 
 
 @once
@@ -271,12 +273,12 @@ def _first(ways: LandmarkWays, blocks: bool) -> NDArray[np.int64]:
     return np.concatenate([[0], np.cumsum(width)])
 
 
-def _first_after(model: HybridMDP, first: NDArray[np.int64]) -> NDArray[np.unsignedinteger]:
-    """(S * A,) where the row begins of the state that each move of a grid leads to; (1,) for a table."""
+def _by_move(model: HybridMDP, places: NDArray[np.int64]) -> NDArray[np.unsignedinteger]:
+    """(S * A,) of places (S,), that of the state which each move of a grid leads to; (1,) for a table."""
     if not isinstance(model.world, GridWorld):
         return np.zeros(1, np.uint32)
-    kind: type[np.unsignedinteger] = np.uint32 if first[-1] <= np.iinfo(np.uint32).max else np.uint64
-    return first.astype(kind)[model.world.successor.ravel()]
+    kind: type[np.unsignedinteger] = np.uint32 if places.max() <= np.iinfo(np.uint32).max else np.uint64
+    return places.astype(kind)[model.world.successor.ravel()]
 
 
 def _policy(ways: LandmarkWays, first: NDArray[np.int64], may: NDArray[np.bool_]) -> NDArray[np.uint8]:
