@@ -3,6 +3,7 @@
 import json
 from collections import Counter
 from fractions import Fraction
+from itertools import pairwise
 from math import lcm
 from random import Random
 
@@ -49,6 +50,7 @@ def times_of_zeros(terms, low=0, high=1):
 def test_brackets_hold_the_zeros_that_sympy_finds(terms):
     found = sign_intervals(terms)
     assert len(found.brackets) == len(times_of_zeros(terms))
+    assert all(high < low for (_, high), (low, _) in pairwise(found.brackets))
     for (low, high), sure, (before, after) in zip(
         found.brackets, found.is_zero, zip(found.signs, found.signs[1:], strict=False), strict=True
     ):
@@ -170,6 +172,7 @@ def test_many_terms_with_zeros_where_pieces_meet(coefficients, times_half, times
     assert all(found.is_zero)
     assert len(found.brackets) == len(times_of_zeros(terms))
     assert all(len(times_of_zeros(terms, low, high)) == 1 for low, high in found.brackets)
+    assert all(high < low for (_, high), (low, _) in pairwise(found.brackets))
 
 
 def with_zero(terms, at):

@@ -5,10 +5,12 @@
     python -m tests.benchmarks --only 1,3       some targets
 
 Targets: 1 Q-learning, 2 other learners, 3 exact values, 4 maps, 5 ways, 6 seeds over threads, 7 start-up, 8 memory.
-Peers are installed once, each in an environment of its own.  A ratio is of one round; what is compared runs in turns,
-loops compiled before on both sides.  "beside": what ours is compared with; the ratio is how many times as fast ours
-is, or, beside a bound, what share of it is used.  A verdict goes by the median ("each": by the worst); "-" has no
-target.  Leave the machine alone meanwhile: other work shows in the ranges.
+Peers are installed once, each in an environment of its own.  A ratio is of one round, ours beside the other's; runs of
+ours that take but milliseconds are repeated in it, and their median counts.  Loops in C, textbook loops and our own
+learners take turns; peers run in processes of their own, after ours.  Loops are compiled before on both sides.
+"beside": what ours is compared with; the ratio is how many times as fast ours is, or, beside a bound, what share of it
+is used.  A verdict goes by the median ("each": by the worst); "-" has no target.  Leave the machine alone meanwhile:
+other work shows in the ranges.
 """
 
 import argparse
