@@ -134,6 +134,17 @@ def test_convert_writes_files_that_other_tools_read(here):
     assert json.loads(ready)["plan"]["places"] == ["room A", "room B"]
 
 
+def test_results_of_a_converted_map_are_named_after_its_folder(here):
+    for folder in ("lab", "hall"):
+        command_here.qualrl("convert", "rooms.yaml", "-o", folder, cwd=here)
+    command_here.qualrl("run", "lab/scenario.yaml", cwd=here)
+    command_here.qualrl("run", "scenario.yaml", cwd=here / "hall")
+    assert (here / "results/lab/training.npz").exists()
+    assert (here / "hall/results/hall/training.npz").exists()
+    _, err = command_here.qualrl("plan", "results/lab", "--from", "room A", "--to", "room B", cwd=here)
+    assert "nothing has been learned" not in err
+
+
 def test_show_tells_the_same_of_map_and_scenario(here):
     of_map = json.loads(command_here.qualrl("show", "rooms.yaml", "--json", cwd=here)[0])
     of_scenario = json.loads(command_here.qualrl("show", "rooms.scenario.yaml", "--json", cwd=here)[0])

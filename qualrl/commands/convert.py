@@ -24,8 +24,8 @@ def convert(
 ) -> None:
     """Turn a map into a hybrid MDP, with pictures, graph files and a scenario ready to edit and run."""
     from qualrl.commands.documents import file_list, map_document
-    from qualrl.commands.inputs import is_scenario, output_folder
-    from qualrl.commands.results import SCENARIO_FILE, result_folder, write_map_files
+    from qualrl.commands.inputs import SCENARIO_FILE, is_scenario, output_folder
+    from qualrl.commands.results import result_folder, write_map_files
     from qualrl.commands.tables import print_files, print_map
     from qualrl.errors import MapError
     from qualrl.io.bundled import found

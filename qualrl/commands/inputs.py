@@ -10,10 +10,13 @@ from qualrl.spatial.nearness import DistanceCuts
 from qualrl.spatial.region_map import RegionMap
 from qualrl.spatial.relations import Relations
 
+SCENARIO_FILE = "scenario.yaml"
+"""What ``qualrl convert`` and each run call the scenario in their folder."""
+
 
 def is_scenario(path: Path) -> bool:
     """Whether a file is a scenario rather than a map: by its name, or by its having no image."""
-    if path.name.endswith(SCENARIO_SUFFIX) or path.name == "scenario.yaml":
+    if path.name.endswith(SCENARIO_SUFFIX) or path.name == SCENARIO_FILE:
         return True
     if path.suffix.lower() not in (".yaml", ".yml"):
         return False
@@ -50,8 +53,10 @@ def scenario_of(
 
 
 def name_of(path: Path) -> str:
-    """A short name for results: the file's name without its suffixes."""
-    return path.name.removesuffix(SCENARIO_SUFFIX) if path.name.endswith(SCENARIO_SUFFIX) else path.stem
+    """A short name for results: the file's without its suffixes, or the folder's, where ``convert`` named the file."""
+    if path.name.endswith(SCENARIO_SUFFIX):
+        return path.name.removesuffix(SCENARIO_SUFFIX)
+    return path.resolve().parent.name or path.stem if path.name == SCENARIO_FILE else path.stem
 
 
 def output_folder(asked: Path | None, source: Path) -> Path:

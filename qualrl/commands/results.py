@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from qualrl.api import Training
+from qualrl.commands.inputs import SCENARIO_FILE
 from qualrl.commands.learned import MODEL_FILE, TRAINING_FILE
 from qualrl.io.graph_file import write_graph_json, write_graphml
 from qualrl.io.label_image import write_label_image
@@ -18,7 +19,6 @@ from qualrl.planning.plan import Plan, in_steps
 if TYPE_CHECKING:
     from qualrl.report.sheet import Size
 
-SCENARIO_FILE = "scenario.yaml"
 MAP_FILES = ("regions.png", "overlay.png", "graph.json", "graph.graphml", MODEL_FILE, SCENARIO_FILE)
 LEARNING_FILES = (TRAINING_FILE, "learn.json", "learning_curve.png")
 GROWTH_FILE = "growth.png"
