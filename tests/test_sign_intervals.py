@@ -184,6 +184,24 @@ def with_zero(terms, at):
     return {exponent: of for exponent, of in product.items() if of}
 
 
+@settings(deadline=None, max_examples=40)
+@given(
+    st.dictionaries(st.integers(0, 25), st.integers(-20, 20).filter(bool), min_size=1, max_size=3),
+    st.lists(st.tuples(st.integers(60, 120), st.sampled_from((-1, 0, 1))), min_size=2, max_size=4),
+)
+@example({0: 1, 25: -1}, [(66, -1), (66, -1), (66, 1)])  # a bracket on either side of 1/2, where pieces meet
+@example({0: 1}, [(66, -1), (70, 1), (70, 1), (80, 0)])
+def test_no_zero_is_lost_where_brackets_touch(terms, planted):
+    """Zeros nearer to 1/2 than a bracket is wide: one may hold several of them, but all are held."""
+    zeros = [Fraction(1, 2) + Fraction(side, 2**depth) for depth, side in planted]
+    for zero in zeros:
+        terms = with_zero(terms, zero)
+    found = sign_intervals(terms)
+    check_signs(json.loads(json.dumps(found.certificate())), terms)
+    assert all(any(low <= zero <= high for low, high in found.brackets) for zero in zeros)
+    assert all(high < low for (_, high), (low, _) in pairwise(found.brackets))
+
+
 @settings(deadline=None, max_examples=25)
 @given(
     st.dictionaries(st.integers(0, 25), st.integers(-20, 20).filter(bool), min_size=1, max_size=4),

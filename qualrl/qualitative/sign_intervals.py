@@ -145,7 +145,7 @@ def _parts(chain: DerivativeChain, low: int, high: int, most: int, more: int) ->
 def _isolated(
     chain: DerivativeChain, parts: list[tuple[int, int, int]], bits: int
 ) -> tuple[list[Piece], dict[Bracket, bool]]:
-    """Pieces with brackets, and those of the polynomial with whether each surely holds one zero."""
+    """Pieces with brackets, and those of the polynomial with whether each surely holds a zero."""
     finer = bits - FIRST_BITS
     pieces: list[Piece] = []
     zeros: dict[Bracket, bool] = {}
