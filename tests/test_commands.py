@@ -145,6 +145,16 @@ def test_results_of_a_converted_map_are_named_after_its_folder(here):
     assert "nothing has been learned" not in err
 
 
+def test_a_scenario_among_results_is_not_written_over(here):
+    command_here.qualrl("convert", "rooms.yaml", cwd=here)
+    file = here / "results/rooms/scenario.yaml"
+    edited = "# mine\n" + file.read_text()
+    file.write_text(edited)
+    command_here.qualrl("run", "results/rooms/scenario.yaml", cwd=here)
+    assert file.read_text() == edited
+    assert (here / "results/rooms/run/training.npz").exists()
+
+
 def test_show_tells_the_same_of_map_and_scenario(here):
     of_map = json.loads(command_here.qualrl("show", "rooms.yaml", "--json", cwd=here)[0])
     of_scenario = json.loads(command_here.qualrl("show", "rooms.scenario.yaml", "--json", cwd=here)[0])

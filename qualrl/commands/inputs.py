@@ -56,12 +56,17 @@ def name_of(path: Path) -> str:
     """A short name for results: the file's without its suffixes, or the folder's, where ``convert`` named the file."""
     if path.name.endswith(SCENARIO_SUFFIX):
         return path.name.removesuffix(SCENARIO_SUFFIX)
-    return path.resolve().parent.name or path.stem if path.name == SCENARIO_FILE else path.stem
+    if path.name == SCENARIO_FILE:
+        return path.resolve().parent.name or path.stem
+    return path.stem
 
 
 def output_folder(asked: Path | None, source: Path) -> Path:
-    """The folder for results: as asked, or results/NAME."""
-    return asked or Path("results") / name_of(source)
+    """The folder for results: as asked, or results/NAME; within it where the scenario lies there, which is kept so."""
+    folder = Path("results") / name_of(source)
+    if source.name == SCENARIO_FILE and folder.resolve() == source.resolve().parent:
+        folder /= "run"
+    return asked or folder
 
 
 def regions_of(
