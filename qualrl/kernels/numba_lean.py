@@ -29,6 +29,8 @@ from numba.core import (
 from numba.core.types import Array, Boolean, Number, NumberClass, functions
 
 from qualrl.garbage import left_alone
+from qualrl.kernels import numba_lowering
+from qualrl.kernels.numba_lowering import LoopLowering, NativeLowering
 
 CodeLibrary: Any = codegen.JITCodeLibrary
 CompilerBase: Any = compiler.CompilerBase
@@ -69,7 +71,7 @@ USED = (
     (PostProcessor, "run"),
     (TargetContext, "get_abi_sizeof"),
 )
-KNOWN = all(hasattr(owner, name) for owner, name in (*PASSES, *USED))
+KNOWN = numba_lowering.KNOWN and all(hasattr(owner, name) for owner, name in (*PASSES, *USED))
 """Whether numba has the names that this file relies on; one that has others compiles as it always does."""
 OPERATORS = frozenset((bool, *(found for found in vars(operator).values() if callable(found))))
 
@@ -167,7 +169,9 @@ class LoopCompiler(CompilerBase):  # type: ignore[misc]
             state.library.enable_object_caching()
         passes = LoopPasses("loop")
         for module, name in PASSES:
-            passes.add_pass(getattr(module, name), name)
+            found = getattr(module, name)
+            bare = found is NativeLowering and not state.flags.nrt
+            passes.add_pass(LoopLowering if bare else found, name)
         passes.finalize()
         return [passes]
 
