@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from types import ModuleType
 from typing import Any
 
-from llvmlite.binding import newpassmanagers
+from llvmlite.binding import ValueRef, newpassmanagers
 from numba.core import (
     base,
     codegen,
@@ -58,6 +58,7 @@ USED = (
     (getattr(newpassmanagers, "FunctionPassManager", None), "add_sroa_pass"),
     (getattr(newpassmanagers, "FunctionPassManager", None), "add_simplify_cfg_pass"),
     (getattr(newpassmanagers, "FunctionPassManager", None), "add_instruction_combine_pass"),
+    (ValueRef, "add_function_attribute"),
     (CodeLibrary, "_optimize_functions"),
     (CodeLibrary, "_get_module_for_linking"),
     (CodeLibrary, "finalize"),
@@ -73,6 +74,8 @@ USED = (
 )
 KNOWN = numba_lowering.KNOWN and all(hasattr(owner, name) for owner, name in (*PASSES, *USED))
 """Whether numba has the names that this file relies on; one that has others compiles as it always does."""
+FROM_PYTHON = "_ZN7cpython"
+"""How names begin of the ways into loops from Python, which are left as they are: optimized they are no faster."""
 OPERATORS = frozenset((bool, *(found for found in vars(operator).values() if callable(found))))
 
 
@@ -94,7 +97,12 @@ class LoopLibrary(CodeLibrary):  # type: ignore[misc]
         """What is done before parts are linked in, with what is not only declared."""
         ll_module.data_layout = self._codegen._data_layout
         for function in ll_module.functions:
-            if not function.is_declaration:
+            if function.is_declaration:
+                continue
+            if function.name.startswith(FROM_PYTHON):
+                function.add_function_attribute("optnone")
+                function.add_function_attribute("noinline")  # LLVM wants both
+            else:
                 passes, builder = self._passes()
                 passes.run(function, builder)
 

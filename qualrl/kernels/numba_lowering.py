@@ -8,18 +8,20 @@ copies an array's description to memory for each element that is read; here the 
 from collections import Counter
 from typing import Any
 
-from numba.core import base, compiler_machinery, ir, lowering, typed_passes, types
+from numba.core import base, cgutils, compiler_machinery, ir, lowering, typed_passes, types
 
 Context: Any = base.BaseContext
 Lower: Any = lowering.Lower
 NativeLowering: Any = typed_passes.NativeLowering
 Array: Any = types.Array
-Integer: Any = types.Integer
+BaseTuple: Any = types.BaseTuple
+tools: Any = cgutils
 register_pass: Any = compiler_machinery.register_pass
 USED = (
     (Lower, "_find_singly_assigned_variable delvar storevar loadvar getvar _alloca_var lower_getitem lower_setitem"),
     (Context, "unpack_value pack_value cast enable_boundscheck"),
     (NativeLowering, "lowering_class"),
+    (cgutils, "unpack_tuple get_item_pointer2"),
 )
 KNOWN = all(hasattr(owner, name) for owner, names in USED for name in names.split())
 """Whether numba has the names that this file relies on."""
@@ -42,7 +44,7 @@ class LoopLower(Lower):  # type: ignore[misc]
         By this LLVM finds out that where a flag was set the loop is left, and makes a way of its own of it: SARSA ran a
         sixth slower without.
         """
-        if name in self.varmap and isinstance(self.typeof(name), types.Number | types.Boolean):
+        if isinstance(self.typeof(name), types.Number | types.Boolean):
             super().delvar(name)
 
     def storevar(self, value: Any, name: str, argidx: int | None = None) -> None:
@@ -74,21 +76,29 @@ class LoopLower(Lower):  # type: ignore[misc]
         return None
 
     def _place(self, array: Any, index: Any, signature: Any) -> Any:
-        """Where an element of a plain array stands in memory; None for anything else, which is left to numba."""
+        """Where an element of an array of numbers stands in memory; None for anything else, which is left to numba."""
         kind, meant = self.typeof(array.name), signature.args[1]
-        plain = isinstance(kind, Array) and kind.ndim == 1 and kind.layout == "C" and kind.aligned
-        if not plain or not isinstance(kind.dtype, types.Number | types.Boolean) or not isinstance(meant, Integer):
+        kinds = meant.types if isinstance(meant, BaseTuple) else (meant,)
+        plain = isinstance(kind, Array) and kind.aligned and isinstance(kind.dtype, types.Number | types.Boolean)
+        if not plain or len(kinds) != kind.ndim or not all(isinstance(one, types.Integer) for one in kinds):
             return None
         if self.context.enable_boundscheck:
             return None
         parts, described = self.context.data_model_manager[kind], self.loadvar(array.name)
-        number = self.context.cast(self.builder, self.loadvar(index.name), self.typeof(index.name), meant)
-        number = self.context.cast(self.builder, number, meant, types.intp if meant.signed else types.uintp)
-        if meant.signed:
-            size = self.builder.extract_value(parts.get(self.builder, described, "shape"), 0)
-            from_end = self.builder.icmp_signed("<", number, number.type(0))
-            number = self.builder.select(from_end, self.builder.add(number, size), number)
-        return self.builder.gep(parts.get(self.builder, described, "data"), [number])
+        data, shape, strides = (parts.get(self.builder, described, name) for name in ("data", "shape", "strides"))
+        sizes, steps = tools.unpack_tuple(self.builder, shape), tools.unpack_tuple(self.builder, strides)
+        given = self.context.cast(self.builder, self.loadvar(index.name), self.typeof(index.name), meant)
+        numbers = tools.unpack_tuple(self.builder, given) if isinstance(meant, BaseTuple) else [given]
+        at = [self._from_start(*one) for one in zip(numbers, kinds, sizes, strict=True)]
+        return tools.get_item_pointer2(self.context, self.builder, data, sizes, steps, kind.layout, at)
+
+    def _from_start(self, number: Any, kind: Any, size: Any) -> Any:
+        """An index counted from the start of its axis: a negative one counts from the end."""
+        if not kind.signed:
+            return self.context.cast(self.builder, number, kind, types.uintp)
+        number = self.context.cast(self.builder, number, kind, types.intp)
+        from_end = self.builder.icmp_signed("<", number, number.type(0))
+        return self.builder.select(from_end, self.builder.add(number, size), number)
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
