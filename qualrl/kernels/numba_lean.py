@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from types import ModuleType
 from typing import Any
 
-from llvmlite.binding import ValueRef, newpassmanagers
+from llvmlite.binding import newpassmanagers
 from numba.core import (
     base,
     codegen,
@@ -58,7 +58,7 @@ USED = (
     (getattr(newpassmanagers, "FunctionPassManager", None), "add_sroa_pass"),
     (getattr(newpassmanagers, "FunctionPassManager", None), "add_simplify_cfg_pass"),
     (getattr(newpassmanagers, "FunctionPassManager", None), "add_instruction_combine_pass"),
-    (ValueRef, "add_function_attribute"),
+    (CodeLibrary, "add_ir_module"),
     (CodeLibrary, "_optimize_functions"),
     (CodeLibrary, "_get_module_for_linking"),
     (CodeLibrary, "finalize"),
@@ -93,16 +93,19 @@ def instead(module: ModuleType | type, name: str, value: object) -> Iterator[Non
 class LoopLibrary(CodeLibrary):  # type: ignore[misc]
     """Machine code of a loop."""
 
+    def add_ir_module(self, module: Any) -> None:
+        """Take in what numba wrote down."""
+        for function in module.functions:
+            if function.name.startswith(FROM_PYTHON):
+                function.attributes.add("optnone")
+                function.attributes.add("noinline")  # LLVM wants both
+        super().add_ir_module(module)
+
     def _optimize_functions(self, ll_module: Any) -> None:
         """What is done before parts are linked in, with what is not only declared."""
         ll_module.data_layout = self._codegen._data_layout
         for function in ll_module.functions:
-            if function.is_declaration:
-                continue
-            if function.name.startswith(FROM_PYTHON):
-                function.add_function_attribute("optnone")
-                function.add_function_attribute("noinline")  # LLVM wants both
-            else:
+            if not function.is_declaration and not function.name.startswith(FROM_PYTHON):
                 passes, builder = self._passes()
                 passes.run(function, builder)
 
