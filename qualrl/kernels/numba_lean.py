@@ -132,7 +132,8 @@ class PartLibrary(LoopLibrary):
     def finalize(self) -> None:
         """Link its own parts in."""
         for library in dict.fromkeys(self._linking_libraries):
-            self._reload_init.update(library._reload_init)
+            if hasattr(self, "_reload_init"):  # not before numba 0.63
+                self._reload_init.update(library._reload_init)
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
         self._finalized = True
 
