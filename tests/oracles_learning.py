@@ -201,7 +201,9 @@ def prioritized_sweeping(
         if certain:  # nothing to average
             ((_, s2, reward),) = seen[s, a].values()
             return reward + gamma * value[s2]
-        total = sum(n * (reward + gamma * value[s2]) for _, (n, s2, reward) in sorted(seen[s, a].items()))
+        total = 0.0  # one after the other: from Python 3.12 on sum() rounds less than a loop does
+        for _, (n, s2, reward) in sorted(seen[s, a].items()):
+            total += n * (reward + gamma * value[s2])
         return total / tries[s, a]
 
     for _ in range(episodes):
