@@ -44,10 +44,11 @@ class Rows(NamedTuple):
     option: NDArray[np.int32]
     position: NDArray[np.int32]
     """(C * O,) place of an option among those of a kind, -1 where it does not live."""
-    first_after: NDArray[np.unsignedinteger]
-    """(S * A,) where the row begins of the state that each move on a grid leads to; (1,) and unused in a table."""
     base_after: NDArray[np.unsignedinteger]
-    """The same for where its kind begins in ``position``."""
+    """(S * A,) where in ``position`` the kind begins of the state that each move on a grid leads to; (1,) and unused in
+    a table."""
+    first_after: NDArray[np.unsignedinteger]
+    """The same for where its row begins; by top choice, as ``q``, where each makes one move that never slips."""
 
 
 class Spot(NamedTuple):
@@ -111,11 +112,13 @@ def spot_of(rows: Any, n_options: Any, s: Any) -> Any:
 
 @compiled_inline
 def _spot_after(
-    grid: Any, slip: Any, rows: Any, n_options: Any, here: Any, s: Any, s2: Any, outcome: Any, n_actions: Any
-) -> Any:
+    grid: Any, slip: Any, rows: Any, policy: Any, n_options: Any, here: Any, place: Any, s: Any, s2: Any, outcome: Any,
+    n_actions: Any,
+) -> Any:  # fmt: skip
     """The same for s2, to which a step from s led, where ``here`` is the spot.
 
-    On a grid what the next step waits for is looked up by the move, while s2 itself is.
+    On a grid what the next step waits for is looked up by the move, while s2 itself is; or by the choice at ``place``,
+    before its move is known.
     """
     if grid is None:
         row, base = rows.first[s2], int64(rows.kind_of[s2]) * n_options
@@ -123,7 +126,10 @@ def _spot_after(
         move = outcome
         if slip is not None:
             move = s * uint64(n_actions) + outcome % uint64(n_actions)
-        row, base = int64(rows.first_after[move]), int64(rows.base_after[move])
+        by = move
+        if slip is None and policy is not None:
+            by = uint64(here.row + place)
+        row, base = int64(rows.first_after[by]), int64(rows.base_after[move])
     k, start = here.k, here.start
     if base != here.base:
         _, k, start, _ = spot_of(rows, n_options, s2)
@@ -280,9 +286,9 @@ def run_steps(
                 gain, discount = 0.0, 1.0
                 if worst is None:
                     pending = pick
-                a = pick - here.row - here.k
+                place = pick - here.row
+                a = place - here.k
                 if a < 0:
-                    place = pick - here.row
                     running = int64(rows.option[here.start + place])
             if running >= 0:
                 if policy is not None:
@@ -305,7 +311,7 @@ def run_steps(
             moved, _, over, reward, outcome, r0, r1, r2, r3 = happened(
                 grid, slip, table, uint64(s), uint64(a), n_actions, r0, r1, r2, r3
             )
-            there = _spot_after(grid, slip, rows, n_options, here, uint64(s), moved, outcome, n_actions)
+            there = _spot_after(grid, slip, rows, policy, n_options, here, place, uint64(s), moved, outcome, n_actions)
             s = int64(moved)
             gain += discount * reward
             discount *= gamma

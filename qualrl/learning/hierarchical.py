@@ -245,11 +245,14 @@ def _layout(
     single = ways.helpless if hierarchy is Hierarchy.W else ways.stuck | primitives
     may = open_rows(ways, first, single, hierarchy is Hierarchy.MACHINE, blocks)
     base = ways.kind_of * np.int64(ways.position.shape[1])
+    policy = None if blocks else _policy(ways, first, may)
+    first_after = _by_move(model, first[:-1])
+    if policy is not None and isinstance(model.world, GridWorld) and not model.world.slip:
+        first_after = _by_choice(first_after, ways, first, policy)
     rows = kernel.Rows(
-        first, ways.kind_of, ways.option_start, ways.option, ways.position.ravel(), _by_move(model, first[:-1]),
-        _by_move(model, base),
-    )  # fmt: skip
-    return rows, may, None if blocks else _policy(ways, first, may)
+        first, ways.kind_of, ways.option_start, ways.option, ways.position.ravel(), _by_move(model, base), first_after
+    )
+    return rows, may, policy
 
 
 @once
@@ -279,6 +282,19 @@ def _by_move(model: HybridMDP, places: NDArray[np.int64]) -> NDArray[np.unsigned
         return np.zeros(1, np.uint32)
     kind: type[np.unsignedinteger] = np.uint32 if places.max() <= np.iinfo(np.uint32).max else np.uint64
     return places.astype(kind)[model.world.successor.ravel()]
+
+
+def _by_choice(
+    by_move: NDArray[np.unsignedinteger], ways: LandmarkWays, first: NDArray[np.int64], policy: NDArray[np.uint8]
+) -> NDArray[np.unsignedinteger]:
+    """(W,) of what is known by move (S * A,) of a grid, that of the move of each top choice; 0 where none is open."""
+    found = np.zeros(first[-1], by_move.dtype)
+    for kind, k in enumerate(np.diff(ways.option_start).tolist()):
+        states = ways.states_of_kind(kind)[:, None]
+        choice = first[states] + np.arange(k + ways.n_actions)
+        move = policy[choice]
+        found[choice] = np.where(move == NONE, 0, by_move[states * ways.n_actions + np.where(move == NONE, 0, move)])
+    return found
 
 
 def _policy(ways: LandmarkWays, first: NDArray[np.int64], may: NDArray[np.bool_]) -> NDArray[np.uint8]:
