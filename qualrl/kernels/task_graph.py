@@ -126,7 +126,8 @@ class Spot(NamedTuple):
 
 
 @compiled_inline
-def _spot(graph: Any, s: Any) -> Any:
+def spot_of(graph: Any, s: Any) -> Any:
+    """Where everything about a state stands."""
     at = uint64(s) * uint64(3)
     kind = uint64(graph.spot[at])
     tasks = kind * uint64(graph.reach.size)
@@ -134,7 +135,7 @@ def _spot(graph: Any, s: Any) -> Any:
 
 
 @compiled_inline
-def _best(graph: Any, own: Any, value: Any, spot: Any, place: Any) -> Any:
+def best_call(graph: Any, own: Any, value: Any, spot: Any, place: Any) -> Any:
     """(largest V + C of a task's entries, the first of that value, the slot of what that calls, how many have it)."""
     low, high = spot.row + uint64(graph.begin[place]), spot.row + uint64(graph.end[place])
     shift = uint64(graph.child_start[spot.kind]) - spot.row
@@ -166,11 +167,11 @@ def _best_move(own: Any, value: Any, low: Any, at: Any, n_actions: Any) -> Any:
 
 
 @compiled_part
-def _settle(graph: Any, own: Any, outer: Any, value: Any, spot: Any, n_actions: Any) -> None:
+def settle(graph: Any, own: Any, outer: Any, value: Any, spot: Any, n_actions: Any) -> None:
     """Work out the values of the tasks in a state, bottom up."""
     at = spot.at + uint64(n_actions)
     for x in range(uint64(graph.order_start[spot.kind]), uint64(graph.order_start[spot.kind + uint64(1)])):
-        best, where, slot, _ = _best(graph, own, value, spot, spot.tasks + uint64(graph.order[x]))
+        best, where, slot, _ = best_call(graph, own, value, spot, spot.tasks + uint64(graph.order[x]))
         if outer is not None:
             best = value[spot.at + slot] + outer[where]
         value[at] = best
@@ -179,11 +180,11 @@ def _settle(graph: Any, own: Any, outer: Any, value: Any, spot: Any, n_actions: 
 
 @compiled_inline
 def _look(graph: Any, own: Any, outer: Any, kept: Any, task: Any, s: Any, spot: Any, n_actions: Any) -> Any:
-    """The best call of a task in a state: ``_best``, once all that it may call there has a value."""
+    """The best call of a task in a state: ``best_call``, once all that it may call there has a value."""
     if graph.reach[task] == TASKS and kept.stale[s]:
-        _settle(graph, own, outer, kept.value, spot, n_actions)
+        settle(graph, own, outer, kept.value, spot, n_actions)
         kept.stale[s] = False
-    return _best(graph, own, kept.value, spot, spot.tasks + task)
+    return best_call(graph, own, kept.value, spot, spot.tasks + task)
 
 
 @compiled_inline
@@ -268,7 +269,7 @@ def run_steps(
     r0, r1, r2, r3, at, t, episode, total = resumed(progress)
     depth = progress.whole[DEPTH]
     s, task = uint64(at), uint64(calls.task[depth if depth > 0 else 0])
-    here = _spot(graph, s)
+    here = spot_of(graph, s)
     value, stale, powers = kept.value, kept.stale, kept.powers
     for n in range(powers.size):
         powers[n] = gamma**n
@@ -281,7 +282,7 @@ def run_steps(
             s, r0, r1, r2, r3 = started(starts, r0, r1, r2, r3)
             total, depth, task, known = 0.0, int64(0), uint64(0), False
             calls.task[0] = 0
-            here = _spot(graph, s)
+            here = spot_of(graph, s)
         until, over = t + n_steps - done, False
         if until > rates.max_steps:
             until = rates.max_steps
@@ -311,7 +312,7 @@ def run_steps(
                 s, over, reward, r0, r1, r2, r3 = moved_on(grid, slip, table, s, slot, n_actions, r0, r1, r2, r3)
                 row = uint64(own.size) + origin * uint64(n_actions) + slot
                 stale[origin] |= _learn_reward(value, visits, alpha, here.at + slot, row, reward)
-                here, changed = _spot(graph, s), False
+                here, changed = spot_of(graph, s), False
                 total += reward
                 t += 1
             else:
@@ -330,7 +331,7 @@ def run_steps(
                     s, over, reward, r0, r1, r2, r3 = moved_on(grid, slip, table, s, slot, n_actions, r0, r1, r2, r3)
                     row = uint64(own.size) + origin * uint64(n_actions) + slot
                     changed = _learn_reward(value, visits, alpha, move_at, row, reward)
-                    here = _spot(graph, s)
+                    here = spot_of(graph, s)
                     total += reward
                     t += 1
                     begin = graph.begin[here.tasks + task]
@@ -373,37 +374,3 @@ def run_steps(
     left_off(progress, r0, r1, r2, r3, s, t, episode, total)
     progress.whole[DEPTH] = depth
     return done
-
-
-@compiled_bare
-def poll(graph: Any, own: Any, outer: Any, kept: Any, actions: Any, begins: Any, polled: Any) -> None:
-    """Work out V of every task in every state, and what each move is worth: the best greedy way that begins with it.
-
-    polled (S, A) is written: -inf where no way begins so, 0 where nothing may be called.
-    begins: room for the move that each task begins with in a state, as long as the longest row of values.
-    """
-    n_actions = len(actions)
-    for a in range(n_actions):
-        begins[a] = a
-    for s in range(len(polled)):
-        spot = _spot(graph, s)
-        _settle(graph, own, outer, kept.value, spot, n_actions)
-        kept.stale[s] = False
-        tasks = uint64(graph.order_start[spot.kind])
-        for x in range(uint64(graph.order_start[spot.kind + uint64(1)]) - tasks):
-            _, _, slot, _ = _best(graph, own, kept.value, spot, spot.tasks + uint64(graph.order[tasks + uint64(x)]))
-            begins[uint64(n_actions) + uint64(x)] = begins[slot]
-        polled[s] = -np.inf
-        found = -np.inf
-        seen = own
-        if outer is not None:
-            seen = outer
-        for e in range(uint64(graph.begin[spot.tasks]), uint64(graph.end[spot.tasks])):
-            slot = uint64(graph.slot[uint64(graph.child_start[spot.kind]) + e])
-            worth = kept.value[spot.at + slot] + seen[spot.row + e]
-            if worth > polled[s, begins[slot]]:
-                polled[s, begins[slot]] = worth
-            if worth > found:
-                found = worth
-        if found == -np.inf:
-            polled[s] = 0.0

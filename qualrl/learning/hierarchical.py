@@ -43,6 +43,7 @@ from numpy.typing import NDArray
 from qualrl.kernels import task_graph as graph_kernel
 from qualrl.kernels import tasks as kernel
 from qualrl.kernels.polling import poll
+from qualrl.kernels.task_polling import poll_tasks
 from qualrl.learning import polling
 from qualrl.learning.learner import (
     Learned,
@@ -177,10 +178,10 @@ class MaxqLearner(Seeded):
         return Learned(q, visits=tries)
 
     def _poll(self) -> NDArray[np.float64]:
-        """What ``kernels.task_graph.poll`` finds; from then on V of every task is known in every state."""
+        """What ``kernels.task_polling.poll_tasks`` finds; from then on V of every task is known in every state."""
         polled = np.empty((len(self.model), len(self._actions)))
         begins = np.empty(len(self._actions) + len(self.graph), np.int64)
-        graph_kernel.poll(self._graph, self.own, self.outer, self._kept, self._actions, begins, polled)
+        poll_tasks(self._graph, self.own, self.outer, self._kept, self._actions, begins, polled)
         self._is_settled = True
         return polled
 
