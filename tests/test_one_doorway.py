@@ -207,6 +207,7 @@ def test_another_doorway_that_is_worth_more_because_slips_cannot_pass_the_rest_i
     more = answer.other.value - answer.best.value
     assert more > 0
     assert f", {more:.3g} more while no slip leads through another doorway." in answer.explain()
+    assert f"Counted for the plan, the {-more:.3g} at gamma 0.95 is made up of:" in answer.explain()
 
 
 @pytest.mark.parametrize("slip", [0.0, 0.1])

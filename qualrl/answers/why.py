@@ -123,7 +123,8 @@ class Why(Answer):
 
     def _made_up_of(self, margin: float, depth: Depth) -> Iterator[str]:
         told = [entry for entry in self.entries if abs(entry.difference) > FELT * abs(margin)]
-        all_of_it = f"The {margin:.3g} at gamma {self.gamma:.12g} is made up of:"
+        counted = "The" if margin > 0 else "Counted for the plan, the"
+        all_of_it = f"{counted} {margin:.3g} at gamma {self.gamma:.12g} is made up of:"
         yield depth.at_numbers(all_of_it, "What is for it and what against it, what matters most first:")
         yield from (entry.in_words(depth) for entry in told)
         rest = sum(entry.difference for entry in self.entries[len(told) :])
