@@ -103,6 +103,19 @@ def assert_refined_is_flat(model):
     return folded, values
 
 
+def test_rounding_is_no_difference_where_no_reward_is_below_0():
+    outcomes = {
+        0: {0: [(0.00902253, 2, 0.47, False), (0.99097747, 1, 1.81, False)]},
+        1: {0: [(0.4777687, 0, 1.34, False), (0.0036769, 3, 0.23, True), (0.5185544, 1, 0.06, False)]},
+        2: {0: [(0.70534121, 1, 0.53, False), (0.29465879, 2, 0.57, False)]},
+        3: {0: [(1.0, 3, 0.0, True)]},
+    }
+    table = qualrl.TabularMDP.from_outcomes(outcomes, gamma=0.5)
+    refined = audit_theorem1(HybridMDP.from_table(table, ["a", "b", "b", "a"])).refined
+    assert refined.holds
+    assert refined.scale == pytest.approx(exact_values(table).value.max())
+
+
 @given(tables())
 @settings(max_examples=80, deadline=None)
 def test_refined_values_of_random_tables_are_flat_values_of_the_same_policy(model):

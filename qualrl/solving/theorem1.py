@@ -105,7 +105,7 @@ class Refined:
     """How far the values of all cells together are from solving the flat chain's equations: the difference to their
     exact solution is at most this over 1 - gamma."""
     scale: float
-    """The size of values that differences are measured by: K of the shift."""
+    """The size of values that differences are measured by: K of the shift, or the largest shifted value."""
 
     @property
     def holds(self) -> bool:
@@ -283,6 +283,7 @@ def _refined(folded: Fold, values: SemiValues) -> Refined:
     gap = flat - values.value[:-1]
     relative = np.abs(gap) / np.maximum(np.abs(flat), np.finfo(float).tiny)
     worst = int(gap.argmax()) if len(gap) else -1
+    scale = max(folded.exact.shift, float(flat.max(initial=0.0)))  # nothing is shifted where no reward is below 0
     difference, residual = flat_check(folded, values)
     return Refined(
         states=len(gap),
@@ -291,10 +292,10 @@ def _refined(folded: Fold, values: SemiValues) -> Refined:
         flat_gap=float(gap.max(initial=0.0)),
         relative_gap=float(relative.max(initial=0.0)),
         where=folded.smdp.state_names[worst],
-        reaches_optimum=bool(np.all((relative <= ALIKE) | (np.abs(gap) <= 1e-12 * folded.exact.shift))),
+        reaches_optimum=bool(np.all((relative <= ALIKE) | (np.abs(gap) <= 1e-12 * scale))),
         same_policy_difference=difference,
         residual=residual,
-        scale=folded.exact.shift,
+        scale=scale,
     )
 
 
