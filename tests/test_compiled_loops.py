@@ -1,14 +1,18 @@
 """Loops as this project compiles them do what their source says, whatever arrays and numbers they are given."""
 
 import math
+import subprocess
+import sys
 from typing import Any, NamedTuple
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 
 from qualrl.kernels.jit import LEAN, UNCOUNTED
+from tests import tracing
 
 DTYPES = (np.bool_, np.int8, np.uint8, np.int32, np.uint32, np.int64, np.uint64, np.float32, np.float64)
 INDICES = (int, np.int8, np.uint8, np.int32, np.uint32, np.int64, np.uint64)
@@ -32,6 +36,12 @@ def copy_ends(source: Any, target: Any) -> None:
 
 
 @bare
+def of_row(source: Any, at: Any) -> Any:
+    row = source[at]
+    return row[0], row[-1], row.size
+
+
+@bare
 def wander(pair: Any, n: Any, by_two: Any) -> Any:
     read, kept, left = pair.read, n, n
     total, over = 0, False
@@ -47,6 +57,58 @@ def wander(pair: Any, n: Any, by_two: Any) -> Any:
                 return total, left
         over = total > 30
     return total, -kept if over else left
+
+
+@bare
+def count_up(n: Any) -> Any:
+    ahead = n * 3
+    for i in range(n):
+        yield ahead + i
+
+
+OUTSIDE = """
+import numpy as np
+from numba import njit
+from qualrl.kernels.jit import LEAN, UNCOUNTED
+
+read = njit(**LEAN, **UNCOUNTED)(lambda numbers, at: numbers[at])
+try:
+    read(np.arange(3), 5)
+except IndexError as problem:
+    print(problem)
+"""
+INTERRUPTED = """
+import signal
+from numba import njit
+from qualrl.kernels import numba_lean
+from qualrl.kernels.jit import LEAN, UNCOUNTED
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+@njit(**LEAN, **UNCOUNTED)
+def half(n):
+    return n // 2
+
+@njit(**LEAN, **UNCOUNTED)
+def loop(n):
+    return half(n) + 1
+
+take_in = numba_lean.LoopLibrary.add_ir_module
+
+def interrupted(library, module):
+    signal.raise_signal(signal.{name})
+    take_in(library, module)
+    print(library.name)
+
+numba_lean.LoopLibrary.add_ir_module = interrupted
+try:
+    loop(5)
+except KeyboardInterrupt:
+    print("stopped")
+numba_lean.LoopLibrary.add_ir_module = take_in
+print(signal.getsignal(signal.{name}) is signal.default_int_handler, loop(5))
+"""
 
 
 @st.composite
@@ -85,6 +147,13 @@ def test_an_element_is_read_and_written_where_numpy_does(of_source, of_target, d
 
 
 @settings(max_examples=20, deadline=None)
+@given(arrays(2), st.data())
+def test_a_row_is_no_element(source, data):
+    at = data.draw(st.integers(-len(source), len(source) - 1))
+    assert of_row(source, at) == of_row.py_func(source, at)
+
+
+@settings(max_examples=20, deadline=None)
 @given(arrays(1), arrays(1))
 def test_a_fixed_place_and_a_fixed_number_are_too(source, target):
     expected = target.copy()
@@ -99,3 +168,28 @@ def test_what_is_set_once_lasts_and_what_is_set_again_changes(numbers, n, by_two
     ours, expected = (Pair(np.array(numbers), np.zeros(len(numbers), np.int64)) for _ in range(2))
     assert wander(ours, n, by_two) == wander.py_func(expected, n, by_two)
     np.testing.assert_array_equal(ours.written, expected.written)
+
+
+def test_a_generator_is_compiled_as_numba_does():
+    assert list(count_up(3)) == [9, 10, 11]
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_what_ends_a_process_waits_for_the_end_of_a_pass_and_leaves_nothing_half_made(name):
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED.replace("{name}", name)], capture_output=True, text=True, check=True,
+        env=tracing.environment_without(),
+    )  # fmt: skip
+    *parts, stopped, after = done.stdout.splitlines()
+    assert "half" in parts
+    assert "loop" not in parts
+    assert (stopped, after) == ("stopped", "True 3")
+
+
+def test_elements_outside_are_told_when_numba_is_asked_to_look(tmp_path):
+    (tmp_path / "outside.py").write_text(OUTSIDE)
+    done = subprocess.run(
+        [sys.executable, str(tmp_path / "outside.py")], capture_output=True, text=True, check=True,
+        env=tracing.environment_without() | {"NUMBA_BOUNDSCHECK": "1"},
+    )  # fmt: skip
+    assert done.stdout == "index is out of bounds\n"

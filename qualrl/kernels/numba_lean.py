@@ -30,6 +30,7 @@ from numba.core.types import Array, Boolean, Number, NumberClass, functions
 
 from qualrl.garbage import left_alone
 from qualrl.kernels import numba_lowering
+from qualrl.kernels.interrupts import held_back, let_through
 from qualrl.kernels.numba_lowering import LoopLowering, NativeLowering
 
 CodeLibrary: Any = codegen.JITCodeLibrary
@@ -160,6 +161,7 @@ class LoopPasses(PassManager):  # type: ignore[misc]
     """What is done with a loop, one after the other, and nothing else: no timing, no checks of numba's own work."""
 
     def _runPass(self, index: int, given: Any, state: Any) -> None:  # noqa: N802
+        let_through()
         given.analysis = self._analysis
         changed = [given.run_initialization(state), given.run_pass(state), given.run_finalizer(state)]
         if pass_registry.get(type(given)).mutates_CFG:
@@ -180,10 +182,10 @@ class LoopCompiler(CompilerBase):  # type: ignore[misc]
             state.library = kind(state.targetctx.codegen(), state.func_id.func_qualname)
             state.library.enable_object_caching()
         passes = LoopPasses("loop")
+        bare = not (state.flags.nrt or state.flags.debuginfo or state.func_id.is_generator)
         for module, name in PASSES:
             found = getattr(module, name)
-            bare = found is NativeLowering and not state.flags.nrt
-            passes.add_pass(LoopLowering if bare else found, name)
+            passes.add_pass(LoopLowering if bare and found is NativeLowering else found, name)
         passes.finalize()
         return [passes]
 
@@ -193,6 +195,7 @@ class LoopCompiler(CompilerBase):  # type: ignore[misc]
             instead(PostProcessor, "run", lifetimes),
             instead(TargetContext, "get_abi_sizeof", size_of),
             left_alone(kept=True),
+            held_back(),
         ):
             return super()._compile_core()
 

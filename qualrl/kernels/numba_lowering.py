@@ -28,7 +28,7 @@ KNOWN = all(hasattr(owner, name) for owner, names in USED for name in names.spli
 
 
 class LoopLower(Lower):  # type: ignore[misc]
-    """Writes down a loop, or a part of one, that counts no references."""
+    """Writes down a loop, or a part of one, that counts no references, is no generator and is not to be debugged."""
 
     def _find_singly_assigned_variable(self) -> None:
         """Besides what numba finds: what the first block sets, if nothing else does; it comes before all others."""
