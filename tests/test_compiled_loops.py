@@ -16,7 +16,7 @@ from tests import tracing
 
 DTYPES = (np.bool_, np.int8, np.uint8, np.int32, np.uint32, np.int64, np.uint64, np.float32, np.float64)
 INDICES = (int, np.int8, np.uint8, np.int32, np.uint32, np.int64, np.uint64)
-bare = njit(**LEAN, **UNCOUNTED)  # not kept on disk, where an edit of how loops are compiled would go unnoticed
+bare = njit(**LEAN, **UNCOUNTED)
 
 
 class Pair(NamedTuple):

@@ -1,5 +1,6 @@
 """What a first run loads, in processes of their own, and the parts that keep it light."""
 
+import shutil
 import subprocess
 import sys
 
@@ -15,6 +16,7 @@ from qualrl.commands.main import IN_SHORT, loaded
 from qualrl.kernels import linking
 from qualrl.learning.relevant import on_closed_ways
 from tests import tracing
+from tests.test_commands import ROOT
 
 HEAVY = ("scipy.linalg", "scipy.sparse", "networkx", "sympy", "matplotlib", "qualrl.learning.hierarchical")
 LEARN = """
@@ -94,10 +96,19 @@ print(own.twice(3) if {more} else 18.0)
 """
 
 
-def output_of(code: str) -> list[str]:
+PIECES = """
+import sys, numpy as np
+sys.path.insert(0, {folder!r})
+from qualrl.kernels.linking import pieces
+print(pieces(np.array([0, 1]), np.array([1, 2]), 4).tolist(), "numba.np.arrayobj" in sys.modules)
+"""
+
+
+def output_of(code: str, **more: str) -> list[str]:
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=tracing.environment_without()
-    )
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True,
+        env=tracing.environment_without() | more,
+    )  # fmt: skip
     return done.stdout.split("\n")[:-1]
 
 
@@ -139,6 +150,19 @@ def test_machine_code_on_disk_is_used_without_the_compiler_and_more_can_be_compi
     same = ["9.0", "n is below 0", "3", "half of what is below 0"]
     assert first == [*same, "True", "2.0", "18.0"]
     assert second == third == [*same, "False", "2.0", "18.0"]
+
+
+def test_an_edit_of_a_part_in_another_file_is_noticed_wherever_machine_code_is_kept(tmp_path):
+    kernels = tmp_path / "qualrl" / "kernels"
+    shutil.copytree(ROOT / "qualrl", kernels.parent, ignore=shutil.ignore_patterns("__pycache__"))
+
+    def told() -> list[str]:
+        return output_of(PIECES.format(folder=str(tmp_path)), NUMBA_CACHE_DIR=str(tmp_path / "kept"))
+
+    assert [told(), told()] == [["[0, 0, 0, 1] True"], ["[0, 0, 0, 1] False"]]
+    bonds = kernels / "bonds.py"
+    bonds.write_text(bonds.read_text().replace("    return item\n", "    return 0\n"))
+    assert told() == ["[0, 0, 0, 0] True"]
 
 
 def test_a_learner_that_is_compiled_runs_without_the_compiler():

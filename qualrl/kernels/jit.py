@@ -1,12 +1,9 @@
 """The one way this project compiles a loop.
 
-Compiled code is cached on disk beside the source. numba notices an edit in a kernel's own file only,
-not in another file that it calls, so what was compiled before the newest edit of any kernel goes first.
+Compiled code is cached on disk, beside the source if that can be written to; see ``numba_start.keep_on_disk``.
 """
 
 from collections.abc import Callable
-from contextlib import suppress
-from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from numba import njit
@@ -55,15 +52,3 @@ def compiled_inline(function: Function) -> Function:
     """The same for a part that is called at each step with tuples of many arrays, which a call would copy."""
     inline: dict[str, Any] = {"forceinline": True}
     return cast(Function, njit(nogil=True, **LEAN, **inline, **UNCOUNTED, **NOT_FROM_C, **NOT_FROM_PYTHON)(function))
-
-
-def forget_stale(folder: Path) -> None:
-    """Delete the indices of compiled code that are older than the newest source file of the folder."""
-    with suppress(OSError):  # a folder that is not ours to write to keeps what it has
-        edited = max(source.stat().st_mtime for source in folder.glob("*.py"))
-        for index in folder.glob("__pycache__/*.nbi"):
-            if index.stat().st_mtime < edited:
-                index.unlink(missing_ok=True)
-
-
-forget_stale(Path(__file__).parent)

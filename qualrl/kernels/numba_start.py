@@ -7,7 +7,8 @@ can wait until something is compiled: that leaves out two fifths of the CPU time
 
 import sys
 from collections.abc import Callable
-from functools import cached_property
+from functools import cache, cached_property
+from pathlib import Path
 from typing import Any
 
 from llvmlite import binding
@@ -94,10 +95,22 @@ class LightCache(FunctionCache):  # type: ignore[misc]
 
 
 def keep_on_disk(loop: Any) -> None:
-    """Let a loop that ``njit`` made look for its machine code on disk before anything is compiled."""
+    """Let a loop that ``njit`` made look for its machine code on disk before anything is compiled.
+
+    numba notices an edit in a loop's own file only, not in another file that it calls: here every edit of a kernel is
+    noticed, and so is another version of this package.
+    """
     if hasattr(loop, "_cache"):  # not where numba is switched off
-        cache: Any = LightCache if KNOWN else FunctionCache
-        loop._cache = cache(loop.py_func)
+        loop._cache = (LightCache if KNOWN else FunctionCache)(loop.py_func)
+        index = loop._cache._cache_file
+        index._source_stamp = (index._source_stamp, stamp_of_kernels())
+
+
+@cache
+def stamp_of_kernels() -> tuple[float, int]:
+    """When a kernel was last edited, and how long all of them are."""
+    found = [source.stat() for source in Path(__file__).parent.glob("*.py")]
+    return max((one.st_mtime for one in found), default=0.0), sum(one.st_size for one in found)
 
 
 def light_environment(module: str, constants: list[Any], name: str) -> Any:
