@@ -28,12 +28,11 @@ def held_back() -> Iterator[None]:
         if callable(handler):
             _handlers[ending] = handler
             signal.signal(ending, lambda number, frame: _come.append(number))
-    handlers = _handlers.copy()
     try:
         yield
         let_through()
     finally:
-        for number, handler in handlers.items():
+        for number, handler in _handlers.items():
             signal.signal(number, handler)
         _handlers.clear()
         _come.clear()

@@ -102,8 +102,9 @@ def keep_on_disk(loop: Any) -> None:
     """
     if hasattr(loop, "_cache"):  # not where numba is switched off
         loop._cache = (LightCache if KNOWN else FunctionCache)(loop.py_func)
-        index = loop._cache._cache_file
-        index._source_stamp = (index._source_stamp, stamp_of_kernels())
+        index: Any = getattr(loop._cache, "_cache_file", None)
+        if hasattr(index, "_source_stamp"):  # as in numba 0.61 to 0.68
+            index._source_stamp = (index._source_stamp, stamp_of_kernels())
 
 
 @cache

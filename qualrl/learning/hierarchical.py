@@ -288,13 +288,13 @@ def _by_move(model: HybridMDP, places: NDArray[np.int64]) -> NDArray[np.unsigned
 def _by_choice(
     by_move: NDArray[np.unsignedinteger], ways: LandmarkWays, first: NDArray[np.int64], policy: NDArray[np.uint8]
 ) -> NDArray[np.unsignedinteger]:
-    """(W,) of what is known by move (S * A,) of a grid, that of the move of each top choice; 0 where none is open."""
+    """(W,) of what is known by move (S * A,) of a grid, that of the move of each open top choice."""
     found = np.zeros(first[-1], by_move.dtype)
     for kind, k in enumerate(np.diff(ways.option_start).tolist()):
         states = ways.states_of_kind(kind)[:, None]
         choice = first[states] + np.arange(k + ways.n_actions)
-        move = policy[choice]
-        found[choice] = np.where(move == NONE, 0, by_move[states * ways.n_actions + np.where(move == NONE, 0, move)])
+        move = np.where(policy[choice] == NONE, 0, policy[choice])
+        found[choice] = by_move[states * ways.n_actions + move]
     return found
 
 
